@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use clap::Args;
@@ -15,6 +16,7 @@ use hbot_api::{Event, FaultEvent};
 use hbot_config::advice::Abilities;
 use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_record::Reader;
+use hbot_record::flight::Name;
 use hbot_record::messages::hbot::State;
 use hbot_record::reader::{Item, ReadError};
 use hbot_record::ticks::Ticks;
@@ -32,7 +34,8 @@ const BEFORE_S: f64 = 2.0;
 /// Options of `hbot explain`.
 #[derive(Debug, Args)]
 pub(crate) struct ExplainArgs {
-    /// Recording or flight log (MCAP) [default: the newest flight log of this user]
+    /// Recording or flight log (MCAP) [default: the newest flight log of this user that begins
+    /// before the rig stops]
     file: Option<PathBuf>,
     /// Which fault or emergency stop of the recording to explain, from 1 [default: the last]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=u32::MAX))]
@@ -204,21 +207,82 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
     }
 }
 
-/// Reads the wanted recording.
+/// Time after a stop in which its flight log begins to be written.
+const BEGUN: Duration = Duration::from_millis(300);
+/// Longest time in which the second file of a flight log is written after the first.
+const WRITTEN: Duration = Duration::from_secs(3);
+
+/// Reads the wanted recording. Where nobody names one, a flight log that begins after the rig has
+/// stopped gives way to the one before it.
 fn read(args: &ExplainArgs) -> anyhow::Result<(PathBuf, Gathered)> {
     let file = match &args.file {
         Some(file) => file.clone(),
-        None => {
-            let newest = super::server::flight_logs().pop();
-            let file =
-                newest.context("there is no flight log of this user: name a recording or a flight log")?;
-            note!("{}", file.display());
-            file
-        }
+        None => newest().context("there is no flight log of this user: name a recording or a flight log")?,
     };
-    let path = hbot_record::recording_of(&file);
-    let gathered = gather(&path, args.number)?;
-    Ok((path, gathered))
+    let (path, gathered) = patiently(&file, args.number)?;
+    let earlier = gathered.is_late().then(|| earlier(&file)).flatten();
+    let (file, read) = match earlier {
+        Some(log) if args.file.is_none() => {
+            let read = patiently(&log, args.number)?;
+            (log, read)
+        }
+        _ if gathered.is_late() => {
+            let before = earlier.map(|log| format!("; `hbot explain {}` shows it", log.display()));
+            bail!(
+                "{}: the rig is stopped from the first state on, so what happened before is not in this recording{}",
+                path.display(),
+                before.unwrap_or_default()
+            )
+        }
+        _ => (file, (path, gathered)),
+    };
+    if args.file.is_none() {
+        note!("{}", file.display());
+    }
+    Ok(read)
+}
+
+/// Returns the newest flight log of this user whose recording is there or still being written.
+fn newest() -> Option<PathBuf> {
+    std::thread::sleep(BEGUN);
+    let whole = |log: &PathBuf| log.with_extension("mcap").exists() || is_young(log);
+    super::server::flight_logs().into_iter().rfind(whole)
+}
+
+/// Returns the newest flight log of the same server before `log` that shows how the rig stopped.
+fn earlier(log: &Path) -> Option<PathBuf> {
+    let log = log.with_extension("csv");
+    let name = |path: &Path| Name::parse(path.file_name()?.to_str()?);
+    let this = name(&log)?;
+    let folder = log.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| name(&entry.ok()?.path()));
+    let mut before: Vec<Name> =
+        names.filter(|name| !name.part && name.process == this.process && *name < this).collect();
+    before.sort();
+    let logs = before.into_iter().rev().map(|name| log.with_file_name(name.to_string()));
+    logs.into_iter()
+        .find(|log| gather(&log.with_extension("mcap"), None).is_ok_and(|read| read.found.is_some()))
+}
+
+/// Returns whether `log` is a flight log that ended a moment ago, so that its recording may still
+/// be written.
+fn is_young(log: &Path) -> bool {
+    let named = log.with_extension("csv").file_name().and_then(|name| Name::parse(name.to_str()?)).is_some();
+    let changed = std::fs::metadata(log).and_then(|about| about.modified());
+    named && changed.is_ok_and(|at| at.elapsed().is_ok_and(|age| age < WRITTEN))
+}
+
+/// Reads a recording. Waits until a flight log is written.
+fn patiently(file: &Path, number: Option<u32>) -> anyhow::Result<(PathBuf, Gathered)> {
+    loop {
+        let path = hbot_record::recording_of(file);
+        let read = gather(&path, number);
+        if is_young(file) && read.as_ref().map_or(true, |gathered| gathered.whole.cut) {
+            std::thread::sleep(Duration::from_millis(100));
+            continue;
+        }
+        return Ok((path, read?));
+    }
 }
 
 fn gather(path: &Path, number: Option<u32>) -> anyhow::Result<Gathered> {
@@ -326,14 +390,15 @@ impl Gathered {
         }
     }
 
+    /// Returns whether the rig is stopped from the first state on.
+    fn is_late(&self) -> bool {
+        self.stopped && self.faults == 0
+    }
+
     fn history(self, path: &Path, wanted: Option<u32>) -> anyhow::Result<Read> {
         match self.found {
             Some(found) => Ok(Read::Stopped(Box::new(History { faults: self.faults, ..found }))),
             None if self.whole.ticks.states == 0 => bail!("{}: the recording has no state", path.display()),
-            None if self.stopped && self.faults == 0 => bail!(
-                "{}: the rig is stopped from the first state on, so what happened before is not in this recording",
-                path.display()
-            ),
             None => match wanted {
                 Some(wanted) if self.faults > 0 => {
                     bail!("{}: fault {wanted} is not in it; legal: 1 to {}", path.display(), self.faults)

@@ -77,6 +77,58 @@ fn the_last_of_several_faults_is_explained() {
     explain(&[text(&run), "--number", "1"]).success().stdout(starts_with("estop at "));
 }
 
+/// The log of a fault of a stopped rig does not show what stopped it. The one before does.
+#[test]
+fn the_newest_log_that_begins_before_its_stop_is_explained() {
+    let state = tempfile::tempdir().expect("a folder");
+    let server = Process::start(&["--time", "virtual"], state.path());
+    let mut client = JsonLines::greeted(&server.address);
+    client.ask(r#"{"id": 1, "op": "acquire"}"#);
+    client.ask(r#"{"id": 2, "op": "advance", "ticks": 700}"#);
+    client.ask(r#"{"id": 3, "op": "estop"}"#);
+    let until = |client: &mut JsonLines, mode: &str| loop {
+        client.ask(r#"{"id": 4, "op": "advance", "ticks": 10}"#);
+        let told = client.ask(r#"{"id": 5, "op": "info"}"#);
+        if told["ok"]["mode"] == mode {
+            break told;
+        }
+    };
+    until(&mut client, "estop");
+    client.ask(r#"{"id": 6, "op": "advance", "ticks": 4000}"#);
+    client.ask(r#"{"id": 7, "op": "load_scene", "scene": {"simulate": {"link": {"loss": 1.0}}}}"#);
+    let told = until(&mut client, "fault");
+    client.ask(r#"{"id": 8, "op": "advance", "ticks": 200}"#);
+    server.signal(Signal::INT);
+    assert!(server.end().1.success());
+    let logs = std::fs::read_dir(state.path().join("hbot/flight")).expect("flight logs");
+    let mut logs: Vec<_> = logs.map(|entry| entry.expect("a file").path()).collect();
+    logs.sort();
+    let [first, recording, late, _] = &logs[..] else { panic!("{logs:?}") };
+    assert_eq!(told["ok"]["incident"]["flight_log"], text(first));
+    let mut newest = hbot();
+    newest.arg("explain").env("XDG_STATE_HOME", state.path());
+    assert_cmd::Command::from_std(newest)
+        .assert()
+        .success()
+        .stdout(starts_with("estop at "))
+        .stderr(contains(text(first)));
+    explain(&[text(late)])
+        .code(1)
+        .stderr(contains("stopped from the first state on").and(contains(text(first))));
+    // A recording that is still being written is waited for.
+    let aside = state.path().join("aside");
+    std::fs::rename(recording, &aside).expect("renamed");
+    let log = std::fs::File::options().append(true).open(first).expect("a log");
+    log.set_modified(std::time::SystemTime::now()).expect("its time");
+    std::thread::scope(|threads| {
+        threads.spawn(|| {
+            std::thread::sleep(std::time::Duration::from_millis(500));
+            std::fs::rename(&aside, recording).expect("renamed");
+        });
+        explain(&[text(first)]).success().stdout(starts_with("estop at "));
+    });
+}
+
 #[test]
 fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
     let state = tempfile::tempdir().expect("a folder");

@@ -109,8 +109,12 @@ impl Incidents {
         let stopped_before = matches!(before, Some(Mode::Fault | Mode::Estop));
         match (sample.state.mode, sample.state.cause) {
             (Mode::Fault | Mode::Estop, _) => {
-                self.present = Some(self.stopped(sample, end, flights, counts));
-                self.present.clone()
+                let event = self.stopped(sample, end, flights, counts);
+                // The log of a rig that is stopped already does not show what stopped it.
+                let first = self.present.take().and_then(|first| first.flight_log);
+                let flight_log = first.or_else(|| event.flight_log.clone());
+                self.present = Some(FaultEvent { flight_log, ..event.clone() });
+                Some(event)
             }
             (mode, _) if stopped_before => {
                 self.present = None;
@@ -278,5 +282,29 @@ mod tests {
         assert_eq!(told(&mut incidents, 6, Mode::Estop), Some(("stopped".to_owned(), None)));
         assert_eq!(told(&mut incidents, 7, Mode::Idle), Some(("reset".to_owned(), None)));
         assert_eq!(counts.estops, 2);
+    }
+
+    #[tokio::test]
+    async fn the_log_of_the_first_stop_shows_what_stopped_a_rig_that_fails_again() {
+        let (_loop_end, end) = bridge().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut flights =
+            Flights::new(Some(folder.path().to_owned()), 1_000_000, <_>::default(), <_>::default());
+        let mut incidents = Incidents::new(RigConfig::prototype().rig, false);
+        let mut log = |tick, mode, cause| {
+            let mut sample = crate::still::still(tick);
+            (sample.state.mode, sample.state.cause) = (mode, cause);
+            let told = incidents.look(&sample, &end, &mut flights, &mut StatsOk::default());
+            let present = incidents.present().and_then(|event| event.flight_log.clone());
+            (told.and_then(|event| event.flight_log), present)
+        };
+        log(1, Mode::Idle, None);
+        let (first, present) = log(2, Mode::Estop, None);
+        assert!(first.is_some() && present == first);
+        let (second, present) = log(3000, Mode::Fault, Some(Cause::LinkLost));
+        assert!(second.is_some() && second != first && present == first);
+        log(3001, Mode::Idle, None);
+        let (third, present) = log(6000, Mode::Estop, None);
+        assert!(third != first && present == third);
     }
 }
