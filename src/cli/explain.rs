@@ -28,11 +28,19 @@ use super::recover::missing_parts;
 use super::scene::plot::{svg, write};
 use super::style;
 
+/// What the exit codes mean, for the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  the fault or stop is explained, or nothing went wrong
+  1  a part of the recording is missing or unreadable, or nothing can be explained
+  2  the command line is wrong";
+
 /// How long before the fault is looked at, s.
 const BEFORE_S: f64 = 2.0;
 
 /// Options of `hbot explain`.
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(crate) struct ExplainArgs {
     /// Recording or flight log (MCAP) [default: the newest flight log of this user that begins
     /// before the rig stops]
