@@ -86,10 +86,18 @@ fn the_newest_log_that_begins_before_its_stop_is_explained() {
     client.ask(r#"{"id": 1, "op": "acquire"}"#);
     client.ask(r#"{"id": 2, "op": "advance", "ticks": 700}"#);
     client.ask(r#"{"id": 3, "op": "estop"}"#);
-    client.ask(r#"{"id": 4, "op": "advance", "ticks": 4000}"#);
-    client.ask(r#"{"id": 5, "op": "load_scene", "scene": {"simulate": {"link": {"loss": 1.0}}}}"#);
-    client.ask(r#"{"id": 6, "op": "advance", "ticks": 200}"#);
-    let told = client.ask(r#"{"id": 7, "op": "info"}"#);
+    let until = |client: &mut JsonLines, mode: &str| loop {
+        client.ask(r#"{"id": 4, "op": "advance", "ticks": 10}"#);
+        let told = client.ask(r#"{"id": 5, "op": "info"}"#);
+        if told["ok"]["mode"] == mode {
+            break told;
+        }
+    };
+    until(&mut client, "estop");
+    client.ask(r#"{"id": 6, "op": "advance", "ticks": 4000}"#);
+    client.ask(r#"{"id": 7, "op": "load_scene", "scene": {"simulate": {"link": {"loss": 1.0}}}}"#);
+    let told = until(&mut client, "fault");
+    client.ask(r#"{"id": 8, "op": "advance", "ticks": 200}"#);
     server.signal(Signal::INT);
     assert!(server.end().1.success());
     let logs = std::fs::read_dir(state.path().join("hbot/flight")).expect("flight logs");
