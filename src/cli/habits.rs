@@ -142,7 +142,7 @@ pub(crate) fn meant(answer: &clap::Error, arguments: &[OsString]) -> Option<Stri
             Some(format!("name an effect and its new values: `hbot set EFFECT KEY=VALUE`; {SHOW_SCENE}"))
         }
         ErrorKind::MissingRequiredArgument if is_command(arguments, &["recover"]) => Some(
-            "this mends a recording: `hbot recover CUT.mcap WHOLE.mcap`. After a fault or a stop of the rig, run `hbot \
+            "this mends a recording: `hbot recover CUT.mcap MENDED.mcap`. After a fault or a stop of the rig, run `hbot \
              reset`, then `hbot enable`"
                 .to_owned(),
         ),

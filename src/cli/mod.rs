@@ -89,7 +89,7 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Say what happened before a fault in a recording or flight log
     Explain(explain::ExplainArgs),
-    /// Make a whole file of a recording that was cut off or damaged
+    /// Make a readable file of a recording that was cut off or damaged
     Recover(recover::RecoverArgs),
     /// List, check, load and draw scenes
     #[command(subcommand)]

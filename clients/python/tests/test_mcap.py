@@ -236,6 +236,18 @@ def summary_of_kept() -> tuple[list[int], int]:
     return sorted(chunk.chunk_start_offset for chunk in summary.chunk_indexes), footer - 13
 
 
+def test_what_recover_could_not_read_stays_known(tmp_path: Path) -> None:
+    chunks, _ = summary_of_kept()
+    middle = chunks[len(chunks) // 2]
+    broken, mended = changed(tmp_path / "broken.mcap", middle + 2000, 6), tmp_path / "mended.mcap"
+    for damaged, complete in [(1, True), (0, False)]:
+        subprocess.run([program(), "recover", broken, mended], check=False, timeout=PATIENCE_S)
+        recording = hbot.mcap.read(mended)
+        assert (len(recording.damaged), recording.complete) == (damaged, complete)
+        broken.write_bytes(KEPT.read_bytes()[: middle + 2000])
+        mended.unlink()
+
+
 def test_a_damaged_first_chunk_costs_its_own_messages_only(tmp_path: Path) -> None:
     """The first chunk says which topic has which number. The index at the end repeats it."""
     [first, *_], end = summary_of_kept()

@@ -19,6 +19,8 @@ from .topics import EVENT, EXACT, STATE, TOPICS, Array, Topic, event_of, missing
 
 METADATA = "hbot"
 """Name of the metadata record of a recording."""
+LOST = "hbot.lost"
+"""Name of the record that `hbot recover` writes in the place of what it could not read."""
 Decode: TypeAlias = Callable[[bytes], Any]
 
 
@@ -136,6 +138,7 @@ class _Reader:
         self._states = array("q")  # Their times, also if the topic is not wanted: for the gaps.
         self._tick_0: int | None = None
         self._lost = self._dropped = 0
+        self._cut = False
         self.metadata: dict[str, str] = {}
 
     def run(self) -> None:
@@ -159,6 +162,11 @@ class _Reader:
             clock = record.metadata.get("clock_unix_ns")
             if clock is not None and clock.isdecimal():
                 self._tick_0 = int(clock)
+        elif isinstance(record, Metadata) and record.name == LOST:
+            if (why := record.metadata.get("damaged")) is None:
+                self._cut = True
+            else:
+                self._records.damaged.append(why)
 
     def _message(self, record: Message) -> None:
         name, decode = self._channels.get(record.channel_id, ("", None))
@@ -198,6 +206,6 @@ class _Reader:
             ),
             lost_ticks=self._lost,
             dropped=self._dropped,
-            complete=self._records.complete,
+            complete=self._records.complete and not self._cut,
             damaged=tuple(self._records.damaged),
         )
