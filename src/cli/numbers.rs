@@ -39,8 +39,8 @@ pub(crate) fn processor(text: &str) -> Result<u32, String> {
     whole(0..=1023)(text)
 }
 
-/// Returns a parser of numbers in a range, without a unit or with one of its kind. `legal` describes
-/// the range.
+/// Returns a parser of numbers in a range, without a unit or with one of its kind. `legal`
+/// describes the range.
 pub(crate) fn real(
     unit: &'static str,
     is_legal: fn(f64) -> bool,

@@ -195,8 +195,8 @@ fn foreign_lines(text: &str) -> String {
     text.lines().map(|line| foreign(line).to_string()).collect::<Vec<_>>().join("\n  ")
 }
 
-/// Fails if `path` is a folder or a pipe, or its folder is missing. `wanted` says which file to name
-/// instead.
+/// Fails if `path` is a folder or a pipe, or its folder is missing. `wanted` says which file to
+/// name instead.
 pub(crate) fn refuse_folder_or_pipe(path: &Path, wanted: &str) -> anyhow::Result<()> {
     refuse_missing_folder(path)?;
     let is_pipe = path.metadata().is_ok_and(|found| found.file_type().is_fifo());
