@@ -10,7 +10,7 @@ use hbot_api::{
     Client, ClientError, ConnectOptions, ErrorCode, Fault, Mode, StateEvent, Token, Trust, client_name,
 };
 
-use super::out::{note, tell};
+use super::out::{WrongLine, note, tell};
 use super::{Commanding, ServerAddress, show, style};
 
 /// Longest time until controllers which have come back are seen to be there.
@@ -165,6 +165,7 @@ fn options(address: &ServerAddress, program: &str, token: Option<Token>) -> anyh
 fn not_connected(error: ClientError, address: &str) -> anyhow::Error {
     match error {
         ClientError::Tls(_) => anyhow::Error::from(error).context("--ca FILE names whom to trust"),
+        ClientError::Address { .. } => WrongLine(error.to_string()).into(),
         ClientError::Protocol(why) => anyhow::anyhow!(
             "what answers at {address} is no hbot server, or one of another version (its answer cannot be read: {why})"
         ),

@@ -352,6 +352,7 @@ fn stiffness(config: &RigConfig) -> anyhow::Result<()> {
             "             whatever the damping, up to {most:.0} N m/rad, with B = {with:.2} (J / (4 h²) without the lag)"
         )?;
     }
+    tell!("             in small motions; after a tap often less, which `hbot scene check` says")?;
     tell!(
         "  counts     one turns the sphere by up to {:.1e} rad: passive up to 2 c/d = {:.3} N m/rad for each mN m of Coulomb friction c",
         expected.count(),

@@ -487,13 +487,13 @@ fn a_client_command_without_a_server_says_how_to_start_one() {
 #[test]
 fn an_address_without_host_or_with_a_word_as_port_says_what_an_address_is() {
     let legal = || contains("Legal: HOST or HOST:PORT, as 127.0.0.1:4268");
-    run(&["info", "--server", ":4268"]).failure().stderr(contains("it has no host").and(legal()));
-    run(&["info", "--server", "host:nine"]).failure().stderr(contains("\"nine\" is no port").and(legal()));
+    run(&["info", "--server", ":4268"]).code(2).stderr(contains("it has no host").and(legal()));
+    run(&["info", "--server", "host:nine"]).code(2).stderr(contains("\"nine\" is no port").and(legal()));
     assert_cmd::Command::from_std(hbot())
         .args(["watch"])
         .env("HBOT_SERVER", ":4268")
         .assert()
-        .failure()
+        .code(2)
         .stderr(contains("it has no host").and(legal()));
 }
 

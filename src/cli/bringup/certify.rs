@@ -440,7 +440,7 @@ fn inertia_and_stiffness(page: &mut Page, known: &Known, file: &Path) -> anyhow:
     ]);
     page.table(&["figure", "value", "how"], rows);
     let lines = Lines::new("Border of stability", "damping, N m s/rad", "stiffness, N m/rad", series);
-    page.plot("stiffness", "Springs below the line are stable", lines.svg());
+    page.plot("stiffness", "In small motions, springs below the line are stable", lines.svg());
     Ok(())
 }
 

@@ -86,7 +86,7 @@ pub fn highest_rate(config: &RigConfig, measured: &Punctuality) -> Finding {
         let is_stiffer = rate == now || at(rate.max(now)) > at(rate.min(now));
         let stiffer = if is_stiffer { ", so a faster loop makes stiffer springs" } else { "" };
         found += &format!(
-            ". The torque is one period old{stiffer}: with a damping of {USUAL_DAMPING} N m s/rad and motors that follow in {:.1} ms a spring is stable up to {:.1} N m/rad at {now:.0} Hz",
+            ". The torque is one period old{stiffer}: with a damping of {USUAL_DAMPING} N m s/rad and motors that follow in {:.1} ms a spring is stable in small motions up to {:.1} N m/rad at {now:.0} Hz",
             1.0e3 * bound.sampled().lag,
             at(now)
         );
