@@ -1191,6 +1191,7 @@ await page.evaluate(() => { window.spins = true; });
 await until("why Recover waits", async () => (await text("#distance")) === "Recover when the sphere rests");
 assert.equal(await text("#keys"), "torque off, still turns");
 assert(await page.locator("#recover").isDisabled(), "torque for a sphere that spins");
+await shows("#details", "wait until the sphere rests, then press Recover.");
 assert.deepEqual(await next(), []);
 await locks();
 await picture("spins");

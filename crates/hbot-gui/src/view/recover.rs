@@ -105,7 +105,12 @@ pub(crate) fn way_on(model: &Model) -> String {
             "No torque. To go on, make sure that nobody touches the sphere, {press} Reset, then Enable."
         );
     }
-    let rest = if spins(model) { "wait until the sphere rests, then " } else { "" };
+    let rest = match (spins(model), model.is_simulated()) {
+        (false, _) => "",
+        // It may spin for ever.
+        (true, true) => "hold the sphere, then ",
+        (true, false) => "wait until the sphere rests, then ",
+    };
     let first = match (take.as_deref(), Distance::of(model)) {
         (Some(take), _) => take,
         (_, Distance::Far(_)) if model.is_simulated() => "press \"set its anchor to here\", then",

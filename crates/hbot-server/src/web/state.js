@@ -162,7 +162,8 @@ function wayOn(rig) {
   const take = taking(rig) && `press ${taking(rig)}, then `;
   const far = !rig.isFar || take ? '' : rig.isSimulated ? 'set the anchor to here, then ' : 'turn the sphere to its reference, then ';
   const press = take ? '' : 'press ';
-  const rest = spins(rig) ? 'wait until the sphere rests, then ' : '';
+  // A simulated sphere may spin for ever.
+  const rest = !spins(rig) ? '' : rig.isSimulated ? 'hold the sphere, then ' : 'wait until the sphere rests, then ';
   return rig.stopper ? `To go on, make sure that nobody touches the sphere, ${take || 'then '}${press}Reset, then Enable.`
     : `To go on, ${rest}${take}${far}${press}Recover.`;
 }

@@ -472,6 +472,18 @@ fn a_sphere_that_is_still_too_fast_for_a_reset_is_told() {
     }
 }
 
+#[test]
+fn torque_waits_for_a_sphere_that_spins() {
+    for (simulated, rest) in [(true, "hold the sphere"), (false, "wait until the sphere rests")] {
+        let mut model = commanding(simulated);
+        let (mode, omega) = (Mode::Estop, [0.0, 3.0, 0.0]);
+        see_state(&mut model, StateEvent { tick: 200, t: 0.2, mode, omega, ..StateEvent::default() });
+        let seen = window(SIZES[0], model);
+        assert!(shows(&seen, &format!("To go on, {rest}, then press Recover.")), "{simulated}");
+        assert!(seen.get_by_label("Recover").accesskit_node().is_disabled());
+    }
+}
+
 /// The stability is what a user must know before the stiffness is raised.
 #[test]
 fn the_sentence_on_stability_is_in_sight() {
