@@ -171,7 +171,10 @@ pub(crate) fn run(HandCommands::Turn(args): &HandCommands) -> anyhow::Result<Exi
         write(path, &picture(&info, &points, args.axis.name))?;
         say!("{}", path.display())?;
     }
-    Ok(ExitCode::SUCCESS)
+    // A turn that a stop or a fault has ended is no measurement.
+    let has_torque = |state: &StateEvent| matches!(state.mode, Mode::Active | Mode::Enabling);
+    let is_stopped = has_torque(&states[0]) && !states.iter().all(has_torque);
+    Ok(if is_stopped { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
 /// Turns the sphere until a signal sets `stop`, at most. Returns the states of the turn.
@@ -306,9 +309,10 @@ fn told(info: &InfoOk, states: &[StateEvent], points: &[Point], args: &TurnArgs)
         states.iter().zip(points).find(|(state, _)| !matches!(state.mode, Mode::Active | Mode::Enabling))
     {
         lines.push(format!(
-            "after {:.2} s the rig made no torque, because it was in the mode {}{}",
+            "after {:.2} s the rig made no torque, because it was in the mode {}{}{}",
             since(state),
             state.mode,
+            state.fault.map(|fault| format!(" {fault}")).unwrap_or_default(),
             show::next(state.mode)
         ));
     }

@@ -64,12 +64,21 @@ pub(crate) struct Cli {
     command: Command,
 }
 
+/// Who may stop the rig, and what the exit codes of `hbot estop` mean.
+const ESTOP_CODES: &str = "\
+Anybody may stop the rig, without the lease. `hbot stop` does the same.
+
+Exit codes:
+  0  the server has confirmed that the rig is stopped
+  1  it has not: NOT STOPPED. Cut the motors' power
+  2  the command line is wrong";
+
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run the control loop and offer haptics over TCP
     Server(server::ServerArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
-    #[command(aliases = ["stop", "halt", "e-stop", "emergency-stop"])]
+    #[command(after_help = ESTOP_CODES, aliases = ["stop", "halt", "e-stop", "emergency-stop"])]
     Estop(ServerAddress),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),

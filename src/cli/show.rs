@@ -82,7 +82,9 @@ pub(crate) fn info(args: &ShowArgs) -> anyhow::Result<ExitCode> {
         )?;
     }
     if let Some([a, b, c]) = info.capability {
-        tell!("  torque     at these steering angles up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3")?;
+        tell!(
+            "  torque     of the motors alone, at these steering angles: up to {a:.2} {b:.2} {c:.2} N m about n1 n2 n3"
+        )?;
     }
     if let Some(render) = &info.render {
         tell!("{}", stable(render))?;

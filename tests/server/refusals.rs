@@ -415,7 +415,7 @@ fn a_new_file_in_no_folder_is_refused_before_questions() {
 
 #[test]
 fn the_help_says_what_exit_codes_mean_and_how_to_begin() {
-    for command in ["server", "record", "replay", "recover", "doctor"] {
+    for command in ["server", "estop", "record", "replay", "recover", "explain", "doctor"] {
         run(&[command, "--help"]).success().stdout(contains("Exit codes:\n  0  "));
     }
     let help = run(&["--help"]).success().stdout(contains("First steps:\n  hbot server "));
