@@ -58,6 +58,8 @@ fn a_damaged_chunk_is_named_and_the_rest_is_kept() {
     assert_eq!(recovered(&file).1, found);
     // An older version has left no note of it.
     let report = replay(&written(&exact(&recording))).unwrap();
-    assert!(matches!(report.flaws[..], [Flaw::Missing(n), Flaw::Unknown(_)] if n == found.ticks.missing()));
+    // The state of a tick and its record can lie in two chunks, at both ends of the gap.
+    let [Flaw::Missing(records), Flaw::Unknown(_)] = report.flaws[..] else { panic!("{report:?}") };
+    assert!(records.abs_diff(found.ticks.missing()) <= 2, "{records} of {:?}", found.ticks);
     assert_eq!(report.difference, None);
 }
