@@ -173,7 +173,10 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
             write(out, &picture::draw(&history.states, &rig, name))?;
             tell!("  {:<10} {}", "plot", out.display())?;
         }
-        None => tell!("  {:<10} --plot FILE.svg draws these {BEFORE_S:.0} s", "plot")?,
+        None => {
+            let span = history.states.first().map_or(0.0, |first| last.t - first.t);
+            tell!("  {:<10} --plot FILE.svg draws these {span:.1} s", "plot")?;
+        }
     }
     Ok(code)
 }

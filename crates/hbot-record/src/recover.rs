@@ -52,7 +52,7 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
     // The metadata come first, unless they are damaged.
     let mut waiting = Some(into);
     let mut writer = None;
-    // What is to be noted as lost.
+    // The losses that the new recording must name.
     let mut lost: Vec<Option<String>> = Vec::new();
     loop {
         let item = match reader.next() {

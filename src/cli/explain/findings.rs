@@ -19,9 +19,9 @@ const LEAST_TURNS: usize = 6;
 const SWING_S: f64 = 0.5;
 /// Below this rate, rad/s, a swing is noise.
 const NOISE: f64 = 0.05;
-/// So many peaks in succession that grow are a growing swing.
+/// A swing grows if at least this number of successive peaks grow.
 const LEAST_PEAKS: usize = 3;
-/// A peak that is so many times the one before it did not grow out of it: something else came.
+/// A peak of this many times the one before has another cause than the swing.
 const MOST_GROWTH: f64 = 4.0;
 /// A peak may be smaller than the one before it by this part, because it lies between two ticks.
 const BETWEEN_TICKS: f64 = 0.05;

@@ -131,8 +131,8 @@ fn joints(displays: &[Display; 2], scene: &str) {
     bench.stop();
 }
 
-/// Takes pictures of a server that falls silent after so many bytes. With `before`, which is called
-/// until then, the user presses the stop button after that.
+/// Takes pictures of a server that falls silent after this number of bytes. `before` is called
+/// until then, and the user presses the stop button afterwards. Without it, the user only looks.
 fn silent(
     displays: &[Display; 2],
     server: SocketAddr,

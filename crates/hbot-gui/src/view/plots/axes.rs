@@ -41,7 +41,7 @@ pub(super) fn full_scale(ui: &mut Ui, frame: Rect, plots: &PlotDesk, [low, high]
     let text = RichText::new(text).size(11.0);
     let mut over = ui.new_child(UiBuilder::new().max_rect(frame.shrink(3.0)));
     if over.add(Button::new(text).small()).on_hover_text("fit the axis to what is shown now").clicked() {
-        plots.scale.set([[FITTED; 2]; 7]);
+        plots.scale.set(plots.scale.get().map(|_| [FITTED; 2]));
     }
 }
 

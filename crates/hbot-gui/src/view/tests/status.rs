@@ -101,6 +101,19 @@ fn a_torque_that_the_limits_cut_is_told() {
     }
 }
 
+/// One instruction at a time: a scene that may shake the sphere comes first.
+#[test]
+fn that_nobody_commands_what_pushes_is_told() {
+    for (model, told) in [(commanding(true), true), (warned(Mode::Active), false)] {
+        let text = "Nobody commands. The sphere pushes on; STOP and Disable work.";
+        let mut seen = window(SIZES[0], model);
+        assert!(!shows(&seen, text));
+        hear(&mut seen.state_mut().model, News::Lease { lease: Lease::Free, cause: None });
+        settle(&mut seen);
+        assert_eq!(shows(&seen, text), told);
+    }
+}
+
 /// Checks that `Recover` leads on only after a stop by this user or by somebody whom the server
 /// does not name. `other`, who else has stopped the rig, may have a hand in it.
 fn goes_on(seen: &mut Seen, other: Option<&str>) {
