@@ -8,12 +8,10 @@ mod cli;
 
 use std::process::ExitCode;
 
-use clap::Parser as _;
-
 fn main() -> ExitCode {
     cli::completions::answer();
     let arguments = cli::habits::without_cargo_s_dashes(std::env::args_os());
-    let done = match cli::Cli::try_parse_from(&arguments) {
+    let done = match cli::Cli::of(&arguments) {
         Ok(cli) => {
             hbot_host::run_loop::signals::outlive_file_limits().map_err(Into::into).and_then(|()| cli.run())
         }

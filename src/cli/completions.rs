@@ -9,12 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use clap::{Args, Command, CommandFactory as _};
+use clap::{Args, Command};
 use clap_complete::env::{Elvish, Fish, Powershell, Shells, Zsh};
 use clap_complete::{CompleteEnv, Shell};
 
 use super::out::say;
-use super::{Cli, man, out, own_folder};
+use super::{command, man, out, own_folder};
 
 /// The variable by which a script asks. The usual one, `COMPLETE`, could be set for another reason.
 const VARIABLE: &str = "HBOT_COMPLETE";
@@ -37,7 +37,7 @@ pub(crate) struct CompletionsArgs {
 /// Answers a shell that asks for completions, and ends the program. Returns if no shell asks.
 pub(crate) fn answer() {
     CompleteEnv::with_factory(|| {
-        let mut all = Cli::command();
+        let mut all = command();
         all.build();
         offered(&all)
     })

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
-use clap::{Arg, Args, Command, CommandFactory as _};
+use clap::{Arg, Args, Command};
 
-use super::Cli;
+use super::command;
 use super::out::say;
 
 /// Options of `hbot man`.
@@ -19,7 +19,7 @@ pub(crate) struct ManArgs {
 
 pub(crate) fn run(args: &ManArgs) -> anyhow::Result<ExitCode> {
     let name = args.folder.to_string_lossy();
-    if !args.folder.exists() && Cli::command().find_subcommand(&*name).is_some() {
+    if !args.folder.exists() && command().find_subcommand(&*name).is_some() {
         bail!(
             "this writes all man pages into a folder; `hbot help {name}` shows the help of `hbot {name}`. For a folder \
              with this name write ./{name}"
@@ -32,7 +32,7 @@ pub(crate) fn run(args: &ManArgs) -> anyhow::Result<ExitCode> {
 
 /// Writes the man pages of all commands into a folder, which is made if it does not exist.
 pub(super) fn write(folder: &Path) -> anyhow::Result<()> {
-    let mut all = Cli::command().disable_help_subcommand(true);
+    let mut all = command().disable_help_subcommand(true);
     all.build();
     std::fs::create_dir_all(folder)
         .and_then(|()| write_with_subcommands(&all, folder))

@@ -33,11 +33,12 @@ mod style;
 mod terminal;
 mod watch;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Command, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 /// The server address that commands use by default.
 const SERVER: &str = "127.0.0.1:4268";
@@ -61,7 +62,7 @@ First steps:
 #[command(name = "hbot", version, propagate_version = true, max_term_width = 110, after_help = FIRST_STEPS)]
 pub(crate) struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Chosen,
 }
 
 /// Who may stop the rig, and what the exit codes of `hbot estop` mean.
@@ -74,7 +75,7 @@ Exit codes:
   2  the command line is wrong";
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum Chosen {
     /// Run the control loop and offer haptics over TCP
     Server(server::ServerArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
@@ -127,6 +128,31 @@ enum Command {
     LastWord,
 }
 
+/// What the exit codes of a command mean whose help says nothing else.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  refused or failed; the reason is printed
+  2  the command line is wrong";
+
+/// Returns the command line. The help of every command says what its exit codes mean.
+pub(crate) fn command() -> Command {
+    told_codes(Cli::command())
+}
+
+fn told_codes(mut command: Command) -> Command {
+    let subcommands: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
+    for name in &subcommands {
+        command = command.mut_subcommand(name, told_codes);
+    }
+    let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+    if !subcommands.is_empty() || help.contains("Exit codes:") {
+        return command;
+    }
+    let gap = if help.is_empty() { "" } else { "\n\n" };
+    command.after_help(format!("{help}{gap}{EXIT_CODES}"))
+}
+
 /// Returns the folder of this user that an environment variable names, or else the one below the
 /// home (XDG base directories). Returns `None` if neither is an absolute path.
 fn own_folder(variable: &str, below_home: &str) -> Option<PathBuf> {
@@ -177,31 +203,38 @@ pub(crate) struct Commanding {
 }
 
 impl Cli {
+    /// Parses the command line.
+    pub(crate) fn of(arguments: &[OsString]) -> Result<Self, clap::Error> {
+        let mut command = command();
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        Self::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+    }
+
     /// Runs the command. If the command was carried out but its result is bad, returns an exit code
     /// other than 0.
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         match self.command {
-            Command::Server(args) => server::run(args),
-            Command::Watch(args) => watch::run(&args),
-            Command::Record(args) => record::run(&args),
-            Command::Replay(args) => replay::run(&args),
-            Command::Explain(args) => explain::run(&args),
-            Command::Recover(args) => recover::run(&args),
-            Command::Controllers(args) => rehearse::run(&args),
-            Command::Scene(command) => scene::run(command),
-            Command::Rig(command) => rig::run(command),
-            Command::Doctor(args) => doctor::run(args),
-            Command::Info(args) => show::info(&args),
-            Command::Stats(args) => show::stats(&args),
-            Command::Set(args) => set::run(&args),
-            Command::Hand(command) => hand::run(&command),
-            Command::Estop(address) => orders::estop(&address),
-            Command::Disable(address) => orders::disable(&address),
-            Command::Enable(to) => orders::enable(&to),
-            Command::Reset(to) => orders::reset(&to),
-            Command::Completions(args) => completions::run(&args),
-            Command::Man(args) => man::run(&args),
-            Command::LastWord => {
+            Chosen::Server(args) => server::run(args),
+            Chosen::Watch(args) => watch::run(&args),
+            Chosen::Record(args) => record::run(&args),
+            Chosen::Replay(args) => replay::run(&args),
+            Chosen::Explain(args) => explain::run(&args),
+            Chosen::Recover(args) => recover::run(&args),
+            Chosen::Controllers(args) => rehearse::run(&args),
+            Chosen::Scene(command) => scene::run(command),
+            Chosen::Rig(command) => rig::run(command),
+            Chosen::Doctor(args) => doctor::run(args),
+            Chosen::Info(args) => show::info(&args),
+            Chosen::Stats(args) => show::stats(&args),
+            Chosen::Set(args) => set::run(&args),
+            Chosen::Hand(command) => hand::run(&command),
+            Chosen::Estop(address) => orders::estop(&address),
+            Chosen::Disable(address) => orders::disable(&address),
+            Chosen::Enable(to) => orders::enable(&to),
+            Chosen::Reset(to) => orders::reset(&to),
+            Chosen::Completions(args) => completions::run(&args),
+            Chosen::Man(args) => man::run(&args),
+            Chosen::LastWord => {
                 // An error cannot be reported: the program that started this one is gone.
                 let _ =
                     hbot_host::rig::last_word::run(std::io::stdin(), std::io::stdout(), std::io::stderr());

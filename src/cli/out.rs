@@ -21,10 +21,9 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, anyhow, ensure};
-use clap::CommandFactory as _;
 use hbot_api::Plain;
 
-use super::{Cli, habits, style, terminal};
+use super::{command, habits, style, terminal};
 
 /// Writes a line to standard output like `println!`, but returns an error instead of panicking.
 macro_rules! say {
@@ -242,7 +241,7 @@ pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
 /// command that hbot calls by another name is named.
 pub(crate) fn answer(mut answer: clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
     habits::keep_the_most_similar(&mut answer);
-    habits::usual_usage(&mut answer, arguments, Cli::command());
+    habits::usual_usage(&mut answer, arguments, command());
     let printed = match habits::meant(&answer, arguments) {
         Some(meant) => {
             error(&meant);

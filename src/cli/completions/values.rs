@@ -6,12 +6,12 @@ use std::os::unix::fs::FileTypeExt as _;
 use std::path::Path;
 use std::time::Duration;
 
-use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _};
+use clap::{ArgMatches, FromArgMatches as _};
 use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter as _};
 use hbot_config::scene::{SHELF, kinds, phenomena};
 use serde_json::Value;
 
-use super::super::{Cli, ServerAddress, orders};
+use super::super::{ServerAddress, command, orders};
 use super::bash::whole;
 
 /// Longest time for each of the server's two answers. A shell waits for them.
@@ -126,7 +126,7 @@ fn running() -> Option<(ArgMatches, Vec<Value>)> {
     // The script writes the line behind two dashes. Its last word is not whole.
     let mut words = whole(std::env::args_os().skip_while(|word| word != "--").skip(1));
     words.pop();
-    let line = Cli::command().ignore_errors(true).try_get_matches_from(words).ok()?;
+    let line = command().ignore_errors(true).try_get_matches_from(words).ok()?;
     let line = line.subcommand_matches("set")?.clone();
     let address = ServerAddress::from_arg_matches(&line).ok()?;
     let mut client = orders::connect_within(&address, "hbot completions", PATIENCE).ok()?;
