@@ -1,4 +1,4 @@
-//! The tests that SAFETY.md names exist.
+//! The tests that docs/internals/guards.md names exist.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn every_test_that_the_page_names_is_there() {
     for folder in ["clients", "crates", "examples", "src", "tests"] {
         sources(Path::new(folder), &mut code);
     }
-    let page = std::fs::read_to_string("SAFETY.md").expect("readable");
+    let page = std::fs::read_to_string("docs/internals/guards.md").expect("readable");
     let mut named = 0;
     for row in page.lines().filter(|line| line.starts_with('|')) {
         let before = named;
@@ -29,7 +29,7 @@ fn every_test_that_the_page_names_is_there() {
             if is_test {
                 named += 1;
                 let there = [format!("fn {name}()"), format!("def {name}(")];
-                assert!(there.iter().any(|it| code.contains(it)), "SAFETY.md names {name}, which is no test");
+                assert!(there.iter().any(|it| code.contains(it)), "guards.md names {name}, which is no test");
             }
         }
         let heading = shown.contains("shown by") || shown.contains("---");
