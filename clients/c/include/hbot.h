@@ -108,7 +108,7 @@ typedef enum hbot_mode {
   HBOT_MODE_ESTOP = 5,
 } hbot_mode;
 
-// The cause of a fault. docs/api.md and SAFETY.md explain them.
+// The cause of a fault. docs/something-is-wrong.md explains them.
 typedef enum hbot_fault {
   // There is no fault.
   HBOT_FAULT_NONE = 0,

@@ -41,7 +41,7 @@ impl From<Mode> for HbotMode {
     }
 }
 
-/// The cause of a fault. docs/api.md and SAFETY.md explain them.
+/// The cause of a fault. docs/something-is-wrong.md explains them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HbotFault {
