@@ -253,20 +253,20 @@ def test_the_programs_of_the_pages_run(
 def test_the_stiffnesses_of_the_page_are_those_of_its_formula_and_of_info(
     start_server: Callable[..., Server],
 ) -> None:
-    page = (REPOSITORY / "docs" / "clients.md").read_text("utf-8")
+    page = (REPOSITORY / "docs" / "stability.md").read_text("utf-8")
     theory = (REPOSITORY / "docs" / "internals" / "borders.md").read_text("utf-8")
     assert "K = (b + B) / (h (1/2 + D) + lag)" in theory
-    (row,) = re.findall(r"(?m)^\| largest stable stiffness of the prototype at 1 kHz .*$", page)
-    damping, led, *shown = (float(number) for number in re.findall(r"([\d.]+) N m", row))
+    ((led, damping),) = re.findall(r"damping of 0\.01 .*, (\d+) with (0\.02),", page)
+    led, damping = float(led), float(damping)
+    (per_hundredth,) = re.findall(r"([\d.]+) N m/rad for each 0\.01 N m s/rad of damping", page)
     with hbot.connect(start_server(edits=UNLED).address) as rig:
         render, h = rig.info.render, 1.0 / rig.info.rig.rate_hz
     assert render is not None
     assert render.damping == damping
     assert render.loop is not None
     lag = render.loop.lag_s
-    # A spring of the scene, and of a client whose torques are 1 and 10 ticks old.
-    right = [damping / (1e-3 * (0.5 + delay) + lag) for delay in (1, 2, 11)]
-    assert shown == pytest.approx(right, abs=0.05)  # One decimal is written.
+    # Without the lead. One decimal is written.
+    assert float(per_hundredth) == pytest.approx(0.01 / (1.5e-3 + lag), abs=0.05)
     # The formula is of first order. The border that the server computes is less than 2 % below.
     first = damping / (1.5 * h + lag)  # D is 1.
     assert 0.98 * first < render.stiffness_stable < first
