@@ -18,6 +18,8 @@ const SETTLED: Duration = Duration::from_secs(1);
 
 /// Longest time of a soft start, which lasts half a second of the rig's time.
 const RISEN: Duration = Duration::from_secs(20);
+/// Longest time until the torque is off, which a `disable` ramps down in less than a tenth of it.
+const OFF: Duration = Duration::from_secs(2);
 /// A stop that is not confirmed within this time is told, as in the panel.
 const ANSWER: Duration = Duration::from_secs(1);
 
@@ -55,38 +57,48 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     print(mode).context("the rig is stopped, but this cannot be told")
 }
 
-/// Takes the torque away, waits until it is zero, and prints the mode that follows.
+/// Takes the torque away, waits until it is zero, and prints the mode that follows. The time of a rig
+/// that waits for `advance` stands still.
 pub(crate) fn disable(address: &ServerAddress) -> anyhow::Result<ExitCode> {
-    let off =
-        |state: &StateEvent| !matches!(state.mode, Mode::Enabling | Mode::Active) && state.torque == [0.0; 3];
-    let disabled = || {
+    let is_on = |mode| matches!(mode, Mode::Enabling | Mode::Active);
+    let until = Instant::now() + OFF;
+    let off = |state: &StateEvent| !is_on(state.mode) && state.torque == [0.0; 3] || Instant::now() > until;
+    let ordered = || {
         let mut client = connect(address, "hbot")?;
-        client.disable().map_err(remedied)?;
-        show::state(&mut client, off)?.context("no state says that the torque is off")
+        let mode = client.disable().map_err(remedied)?;
+        Ok((mode, show::state(&mut client, off)?))
     };
-    let state = disabled().map_err(|error: anyhow::Error| {
+    let (mode, state) = ordered().map_err(|error: anyhow::Error| {
         anyhow::anyhow!(
             "NOT DISABLED: the server at {} has not confirmed it ({error:#}). Cut the motors' power.",
             address.server
         )
     })?;
-    print(state.mode)
+    let (mode, torque) = state.map_or((mode, [0.0; 3]), |state| (state.mode, state.torque));
+    if is_on(mode) || torque != [0.0; 3] {
+        bail!(
+            "NOT DISABLED: the torque is on in mode {mode}; another client may have enabled it again. Cut the motors' power."
+        );
+    }
+    print(mode)
 }
 
 /// Resets the rig, and prints the mode that follows. A cause that has just gone is seen to be gone
 /// after a moment, and controllers that have just come back say a little later where they are:
-/// waits for both.
+/// waits for both. A stop that somebody presses meanwhile stays.
 pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
     let mut client = connect(&to.address, "hbot")?;
     let incident = client.info().map_err(remedied)?.incident;
     let until = Instant::now() + SETTLED;
     let mode = holding(&mut client, to.steal, |client| {
         loop {
-            match client.reset() {
-                Err(error) if error.code() == Some(ErrorCode::Faulted) && Instant::now() < until => {
-                    std::thread::sleep(SETTLED / 20);
-                }
+            let refused = match client.reset() {
+                Err(error) if error.code() == Some(ErrorCode::Faulted) => error,
                 answer => return answer,
+            };
+            std::thread::sleep(SETTLED / 20);
+            if Instant::now() > until || client.info()?.mode != Some(Mode::Fault) {
+                return Err(refused);
             }
         }
     });

@@ -11,6 +11,7 @@ use assert_cmd::assert::Assert;
 use hbot_config::SceneFile;
 use hbot_config::scene::ShelfScene;
 use hbot_testing::lines::norm;
+use hbot_testing::patience::until;
 use predicates::str::starts_with;
 
 use crate::process::*;
@@ -148,6 +149,35 @@ fn disable_ends_when_the_torque_has() {
     state(&|torque| torque > 0.2);
     run(&server, &["disable"]).success().stdout(contains("idle: the torque is off"));
     assert_eq!(state(&|_| true), 0.0);
+}
+
+/// Somebody enables the rig again before its torque is zero.
+#[test]
+fn disable_says_that_the_torque_is_on_again() {
+    let server = Process::with(&["--time", "virtual"]);
+    let mut holder = JsonLines::greeted(&server.address);
+    holder.ask(r#"{"id": 1, "op": "acquire"}"#);
+    holder.ask(r#"{"id": 2, "op": "advance", "ticks": 1000}"#);
+    // The time stands still: the order is carried out, and no state follows.
+    run(&server, &["disable"]).success().stdout(contains("idle: the torque is off"));
+    let advance = |holder: &mut JsonLines, ticks: u32| {
+        let state = holder.ask(&format!(r#"{{"id": 3, "op": "advance", "ticks": {ticks}}}"#));
+        state["ok"]["mode"].as_str().expect("a mode").to_owned()
+    };
+    holder.ask(r#"{"id": 4, "op": "enable"}"#);
+    assert_eq!(advance(&mut holder, 1000), "active");
+    let mut disable = hbot();
+    disable.args(["disable", "--server", &server.address]).stderr(Stdio::piped());
+    let mut disable = disable.spawn().expect("the binary runs");
+    until("it is disabled", || (advance(&mut holder, 1) == "idle").then_some(()));
+    holder.ask(r#"{"id": 5, "op": "enable"}"#);
+    until("the command ends", || {
+        advance(&mut holder, 1);
+        disable.try_wait().expect("a child")
+    });
+    let output = disable.wait_with_output().expect("it has ended");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.starts_with("error: NOT DISABLED: the torque is on"), "{said}");
 }
 
 #[test]

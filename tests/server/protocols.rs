@@ -1,6 +1,7 @@
 //! Tests that a rig and a scene produce the same torques with each protocol that a rig file can
 //! name.
 
+use std::process::Stdio;
 use std::time::Duration;
 
 use hbot_config::RigConfig;
@@ -123,6 +124,28 @@ fn a_line_of_moteus_servos_that_is_back_pushes_only_when_asked_anew() {
         push(&mut client, || rig.pushes());
         rig.server.end_by(Signal::TERM);
     }
+}
+
+/// While `hbot reset` waits for a line that comes back, another client stops the rig.
+#[test]
+fn a_reset_that_waits_does_not_lift_a_stop_that_came_after_it() {
+    let rig = RealRig::start(MOTEUS, Protocol::Moteus, |_| ());
+    let address = rig.server.address.clone();
+    let mut other = JsonLines::greeted(&address);
+    let mut reset = None;
+    let mut rig = rig.replugged(|_| {
+        other.until(|line| line["event"] == "fault");
+        let mut command = hbot();
+        command.args(["reset", "--server", &address]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        reset = Some(command.spawn().expect("the binary runs"));
+        other.until(|line| line["event"] == "lease" && line["holder"].is_string());
+        other.ask(r#"{"id": 1, "op": "estop"}"#);
+    });
+    let output = reset.expect("it was started").wait_with_output().expect("it ends");
+    let info = other.ask(r#"{"id": 2, "op": "info"}"#);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(info["ok"]["mode"] == "estop" && !output.status.success(), "{}: {said}", info["ok"]["mode"]);
+    rig.server.end_by(Signal::TERM);
 }
 
 /// Returns the largest difference between two runs in any joint torque, and the largest joint
