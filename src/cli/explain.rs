@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, bail, ensure};
 use clap::Args;
 use hbot_api::{Event, FaultEvent};
 use hbot_config::advice::Abilities;
@@ -205,17 +205,23 @@ fn healthy(args: &ExplainArgs, whole: &Whole, flawed: bool) -> anyhow::Result<()
 
 /// Returns the rig of a recording.
 fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<RigConfig> {
-    if let Some(path) = &args.rig {
-        return super::rig_file::load(Some(path), &[]);
-    }
     let rate = about.get("rate_hz").and_then(|rate| rate.parse::<u32>().ok());
     let change =
         rate.map(|rate| Override { path: "loop.rate_hz", value: rate.into(), from: "the recording" });
     let changes: Vec<_> = change.into_iter().collect();
-    match about.get("rig_file") {
-        Some(text) => Ok(RigConfig::from_toml_with(text, "the recorded rig file", &changes)?),
-        None => super::rig_file::load(None, &changes),
-    }
+    let recorded = match about.get("rig_file") {
+        Some(text) => Some(RigConfig::from_toml_with(text, "the recorded rig file", &changes)?),
+        None => None,
+    };
+    let rig = match (&recorded, &args.rig) {
+        (Some(recorded), None) => return Ok(recorded.clone()),
+        (_, path) => super::rig_file::load(path.as_deref(), &changes)?,
+    };
+    let joints = about.get("joints").map_or(rig.rig.device.joints(), |names| names.split(' ').count());
+    let is_it = recorded.is_none_or(|recorded| recorded.rig == rig.rig) && joints == rig.rig.device.joints();
+    let path = args.rig.as_deref().map_or("the prototype".into(), Path::to_string_lossy);
+    ensure!(is_it, "the recording is of another rig than {path}");
+    Ok(rig)
 }
 
 /// Time after a stop in which its flight log begins to be written.

@@ -71,6 +71,9 @@ const HABITS_OF_GROUPS: [(&str, &[&str], &str); 4] = [
     ("rig", &["validate", "lint"], "`hbot rig check FILE` checks a rig file"),
 ];
 
+/// Words of people who want the rig to stop, beside `estop`.
+pub(crate) const STOPS: [&str; 6] = ["stop", "halt", "e-stop", "emergency-stop", "emergency", "panic"];
+
 /// Options by which other servers write more.
 const VERBOSE: [&str; 4] = ["-v", "-vv", "--verbose", "--debug"];
 
@@ -89,6 +92,34 @@ pub(crate) fn without_cargo_s_dashes(arguments: impl Iterator<Item = OsString>) 
         }
     }
     arguments
+}
+
+/// Returns whether a command line asks for an emergency stop, however it goes on.
+pub(crate) fn is_stop(arguments: &[OsString]) -> bool {
+    let Some(word) = arguments.get(1).and_then(|word| word.to_str()) else { return false };
+    ["estop"].iter().chain(&STOPS).any(|stop| word.eq_ignore_ascii_case(stop))
+}
+
+/// Returns the command line of a stop with what is understood of `arguments`, and the rest.
+pub(crate) fn stop_line(arguments: &[OsString]) -> (Vec<OsString>, Vec<String>) {
+    let (mut line, mut odd) = (vec!["hbot".into(), "estop".into()], Vec::new());
+    let mut words = arguments.iter().skip(2).peekable();
+    while let Some(word) = words.next() {
+        let text = word.to_string_lossy();
+        let (name, value) = text.split_once('=').map_or((&*text, None), |(name, value)| (name, Some(value)));
+        let known = ["--server", "--token-file", "--ca"].contains(&name);
+        match (known, value) {
+            (true, Some(_)) => line.push(word.clone()),
+            (true, None) if words.peek().is_some_and(|next| !next.to_string_lossy().starts_with('-')) => {
+                line.extend([word.clone()].into_iter().chain(words.next().cloned()));
+            }
+            (false, _) if !text.starts_with('-') && text.contains(':') => {
+                line.extend(["--server".into(), word.clone()]);
+            }
+            _ => odd.push(format!("{text:?}")),
+        }
+    }
+    (line, odd)
 }
 
 /// Keeps of the commands or options that clap takes for similar to a mistyped one the most similar
@@ -277,6 +308,9 @@ fn command(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
         return Some(format!(
             "{word:?} is a kind of effect: `hbot scene new FILE --effect {word}` writes a scene with one"
         ));
+    }
+    if did_you_mean(&word.to_lowercase(), ["estop"].into_iter().chain(STOPS)).is_some() {
+        return Some(format!("NOT STOPPED: {word:?} is no command. `hbot estop` stops the rig"));
     }
     let (_, meaning) = HABITS.iter().find(|(words, _)| words.contains(&word.as_str()))?;
     Some(format!("{word:?} is no command: {meaning}"))

@@ -55,7 +55,7 @@ pub(crate) struct TurnArgs {
     /// Axis: n1 or x, n2 or y, n3 or z
     #[arg(value_parser = axis)]
     axis: NamedAxis,
-    /// Angle, such as 40deg or 0.7rad, at most half a turn
+    /// Angle, such as 40deg or 0.7rad, at most 175deg
     #[arg(value_parser = angle, allow_hyphen_values = true)]
     angle: f64,
     /// Time in which the hand turns, such as 2s, 0.1s to 60s
@@ -91,8 +91,8 @@ fn angle(text: &str) -> Result<f64, String> {
     let number = |text: &str| text.trim().parse::<f64>().ok();
     let rad = text.strip_suffix("deg").and_then(number).map(f64::to_radians);
     rad.or_else(|| text.strip_suffix("rad").and_then(number))
-        .filter(|rad| *rad != 0.0 && rad.abs() <= std::f64::consts::PI)
-        .ok_or_else(|| "an angle with its unit, such as 40deg or -0.7rad, at most half a turn".to_owned())
+        .filter(|rad| *rad != 0.0 && rad.abs() <= MOST)
+        .ok_or_else(|| "an angle with its unit, such as 40deg or -0.7rad, at most 175deg".to_owned())
 }
 
 /// Parses the stiffness of a grip, N m/rad.
@@ -104,6 +104,9 @@ fn grip(text: &str) -> Result<f64, String> {
 fn time(text: &str) -> Result<f64, String> {
     real("s", |s| (0.1..=MAX_OVER_MS as f64 * 1.0e-3).contains(&s), "0.1 to 60")(text)
 }
+
+/// Largest angle of a turn, rad. About half a turn, the hand could go the other way round.
+const MOST: f64 = 3.0544;
 
 /// One state of the turn: torques about the axis, N m, against the angle about it, rad.
 struct Point {
@@ -412,7 +415,7 @@ mod tests {
 
     #[test]
     fn angles_and_times_have_their_units() {
-        assert_eq!(angle("180deg"), Ok(std::f64::consts::PI));
+        assert_eq!(angle("175deg"), Ok(175_f64.to_radians()));
         assert_eq!(angle("-0.5rad"), Ok(-0.5));
         assert_eq!(time("2s"), Ok(2.0));
         for wrong in ["40", "deg", "0deg", "181deg", "NaNrad", "1e9rad"] {

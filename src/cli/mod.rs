@@ -79,7 +79,7 @@ enum Chosen {
     /// Run the control loop and offer haptics over TCP
     Server(server::ServerArgs),
     /// Stop a running server's motors at once (until `hbot reset`)
-    #[command(after_help = ESTOP_CODES, aliases = ["stop", "halt", "e-stop", "emergency-stop"])]
+    #[command(after_help = ESTOP_CODES, aliases = habits::STOPS)]
     Estop(ServerAddress),
     /// Show the state of a running server, live
     Watch(watch::WatchArgs),
@@ -113,7 +113,7 @@ enum Chosen {
     /// missing
     Doctor(doctor::DoctorArgs),
     /// Ramp down the torque of a running server
-    Disable(ServerAddress),
+    Disable(Anybody),
     /// Enable the torque of a running server, and wait until it has risen: half a second
     Enable(Commanding),
     /// Leave a fault or an emergency stop after its cause is gone
@@ -202,6 +202,16 @@ pub(crate) struct Commanding {
     steal: bool,
 }
 
+/// The server to which anybody may give this order, whoever holds the lease.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Anybody {
+    #[command(flatten)]
+    address: ServerAddress,
+    /// Accepted, because people add it to other commands
+    #[arg(long, hide = true)]
+    steal: bool,
+}
+
 impl Cli {
     /// Parses the command line.
     pub(crate) fn of(arguments: &[OsString]) -> Result<Self, clap::Error> {
@@ -229,7 +239,7 @@ impl Cli {
             Chosen::Set(args) => set::run(&args),
             Chosen::Hand(command) => hand::run(&command),
             Chosen::Estop(address) => orders::estop(&address),
-            Chosen::Disable(address) => orders::disable(&address),
+            Chosen::Disable(to) => orders::disable(&to.address),
             Chosen::Enable(to) => orders::enable(&to),
             Chosen::Reset(to) => orders::reset(&to),
             Chosen::Completions(args) => completions::run(&args),

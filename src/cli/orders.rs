@@ -1,6 +1,7 @@
 //! `hbot estop`, `disable`, `enable` and `reset`: send one order to a running server. Also the
 //! connection of all commands that are clients.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
@@ -10,8 +11,10 @@ use hbot_api::{
     Client, ClientError, ConnectOptions, ErrorCode, Fault, Mode, StateEvent, Token, Trust, client_name,
 };
 
+use hbot_host::run_loop::signals;
+
 use super::out::{WrongLine, note, tell};
-use super::{Commanding, ServerAddress, show, style};
+use super::{Chosen, Cli, Commanding, ServerAddress, habits, show, style};
 
 /// Longest time until controllers which have come back are seen to be there.
 const SETTLED: Duration = Duration::from_secs(1);
@@ -55,6 +58,26 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
         )
     })?;
     print(mode).context("the rig is stopped, but this cannot be told")
+}
+
+/// Carries out a stop whose command line clap refuses: sends it to the server that the line names,
+/// and says what was not understood.
+pub(crate) fn estop_first(answer: &clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
+    let (line, odd) = habits::stop_line(arguments);
+    let Ok(Cli { command: Chosen::Estop(address) }) = Cli::of(&line) else {
+        let why = answer.render().to_string();
+        let why = why.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+        bail!(WrongLine(format!("NOT STOPPED: {why}. Cut the motors' power")));
+    };
+    let stopped = estop(&address)?;
+    if odd.is_empty() {
+        return Ok(stopped);
+    }
+    let server = &address.server;
+    bail!(WrongLine(format!(
+        "not understood: {}. Only the rig of the server at {server} is stopped",
+        odd.join(" ")
+    )))
 }
 
 /// Takes the torque away, waits until it is zero, and prints the mode that follows. The time of a rig
@@ -116,12 +139,20 @@ pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
 
 /// Enables the rig, waits for the end of the soft start, and prints the mode that follows. Fails if
 /// a fault, a stop or a `disable` has ended it, or if it lasts too long. The time of a rig that
-/// waits for `advance` stands still.
+/// waits for `advance` stands still. Ctrl-C meanwhile takes the torque away again.
 pub(crate) fn enable(to: &Commanding) -> anyhow::Result<ExitCode> {
+    let stop = signals::stop_flag()?;
     let mut client = connect(&to.address, "hbot")?;
     let mode = holding(&mut client, to.steal, Client::enable)?;
     let until = Instant::now() + RISEN;
-    let risen = show::state(&mut client, |state| state.mode != Mode::Enabling || Instant::now() > until)?;
+    let risen = show::state(&mut client, |state| {
+        state.mode != Mode::Enabling || Instant::now() > until || stop.is_set()
+    })?;
+    if stop.is_set() {
+        note!("enable was broken off by a signal, so the torque is taken away:");
+        disable(&to.address)?;
+        signals::end_as_interrupted()?;
+    }
     let stands = risen.is_none();
     let mode = risen.map_or(mode, |state| state.mode);
     print(mode)?;

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 use anyhow::{Context as _, anyhow, ensure};
 use hbot_api::Plain;
 
-use super::{command, habits, style, terminal};
+use super::{command, habits, orders, style, terminal};
 
 /// Writes a line to standard output like `println!`, but returns an error instead of panicking.
 macro_rules! say {
@@ -240,6 +240,9 @@ pub(crate) fn create_new(path: &Path) -> anyhow::Result<File> {
 /// Prints clap's answer to the command line `arguments`: an error, the help or the version. A
 /// command that hbot calls by another name is named.
 pub(crate) fn answer(mut answer: clap::Error, arguments: &[OsString]) -> anyhow::Result<ExitCode> {
+    if answer.use_stderr() && habits::is_stop(arguments) {
+        return orders::estop_first(&answer, arguments);
+    }
     habits::keep_the_most_similar(&mut answer);
     habits::usual_usage(&mut answer, arguments, command());
     let printed = match habits::meant(&answer, arguments) {

@@ -116,6 +116,49 @@ fn words_of_panic_stop_the_rig() {
     }
 }
 
+/// A stop is carried out although its line is wrong, by the server that the line names.
+#[test]
+fn a_stop_with_words_that_are_not_understood_stops_first() {
+    let server = Process::patient(&[]);
+    let mut client = JsonLines::greeted(&server.address);
+    for odd in [&["estop", "--steal", "--json"][..], &["STOP", "now"], &["panic", "-f"]] {
+        let said = contains("not understood: \"").and(contains(format!("{} is stopped", server.address)));
+        run(&server, odd).code(2).stdout(starts_with("estop: ")).stderr(said);
+        run(&server, &["reset"]).success();
+    }
+    crate::process::run(&["Estop", &server.address]).success();
+    assert_eq!(client.ask(r#"{"id": 1, "op": "info"}"#)["ok"]["mode"], "estop");
+    crate::process::run(&["estop", "--server", "http://lab"]).code(2).stderr(contains("NOT STOPPED: "));
+    crate::process::run(&["estp"])
+        .code(2)
+        .stderr(contains("NOT STOPPED: \"estp\" is no command. `hbot estop` stops"));
+}
+
+/// Who presses Ctrl-C while the torque rises wants none.
+#[test]
+fn an_enable_that_a_signal_breaks_off_takes_the_torque_away() {
+    let server = Process::patient(&[]);
+    let mut watcher = JsonLines::greeted(&server.address);
+    watcher.ask(r#"{"id": 1, "op": "subscribe", "every": 1}"#);
+    // On a busy machine the torque can have risen before the signal arrives.
+    let broken_off = (0..20).any(|_| {
+        run(&server, &["disable"]).success();
+        watcher.state(|state| state["mode"] == "idle");
+        let mut enable = hbot();
+        enable.args(["enable", "--server", &server.address]).stderr(Stdio::piped()).stdout(Stdio::piped());
+        let enable = enable.spawn().expect("the binary runs");
+        watcher.state(|state| state["mode"] == "enabling");
+        let _ = kill_process(Pid::from_child(&enable), Signal::INT);
+        let output = enable.wait_with_output().expect("it ends");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.signal().is_some(), said.contains("enable was broken off"), "{said}");
+        output.status.signal().is_some()
+    });
+    assert!(broken_off, "it never was");
+    let info = watcher.ask(r#"{"id": 2, "op": "info"}"#);
+    assert_eq!(info["ok"]["mode"], "idle", "{info}");
+}
+
 /// A stop that a suspended server has not confirmed still stops the rig when the server runs again.
 #[test]
 fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {

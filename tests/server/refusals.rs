@@ -567,6 +567,17 @@ fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
     ] {
         run(command).failure().stderr(contains("this is a folder. ").and(contains(wanted)));
     }
+    // Nor is a file of another kind overwritten.
+    let other = format!("{folder}/thesis.txt");
+    std::fs::write(&other, "years of work").expect("written");
+    for command in
+        [&["rig", "calibrate", "--write", &other][..], &["rig", "identify", "run.mcap", "--out", &other]]
+    {
+        run(command)
+            .failure()
+            .stderr(contains("the file exists already and is no rig file. Name another one"));
+    }
+    assert_eq!(std::fs::read_to_string(&other).expect("there"), "years of work");
     // Nothing waits for the other end of a pipe.
     let pipe = format!("{folder}/pipe");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo");

@@ -232,7 +232,7 @@ fn a_hand_turns_the_sphere_and_says_what_became_of_it() {
     let ended = slow.wait_with_output().expect("it ends");
     let said = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert!(!ended.status.success() && said.contains("the lease was lost "), "{said}");
-    let too_fast = ["hand", "turn", "n1", "180deg", "--over", "0.1s", "--stiffness", "100"];
+    let too_fast = ["hand", "turn", "n1", "175deg", "--over", "0.1s", "--stiffness", "100"];
     command(&too_fast).code(1).stdout(contains("in the mode fault overspeed: the torque is off"));
     command(&["estop"]).success();
     command(&turn).success().stdout(contains(format!("`hbot reset --server {}`, then ", server.address)));

@@ -16,7 +16,7 @@ use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, stil
 use hbot_identify::motion::Counts;
 
 use super::super::numbers::whole_seconds;
-use super::super::out::{refuse_folder_or_pipe, tell};
+use super::super::out::tell;
 use super::super::style;
 use super::{Rig, edit, joint_name, on_the_lines, wheel_name};
 
@@ -73,7 +73,7 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     let rig = args.rig.load()?;
     // A person turns the sphere for a while before the file is written.
     if let Some(file) = &args.write {
-        refuse_folder_or_pipe(file, "the rig file to write")?;
+        edit::refuse_another(file)?;
     }
     let counts = on_the_lines(&rig, Truth::turned(), |bench| {
         if rig.link.port.is_simulated() {
@@ -95,8 +95,8 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.write {
         write(args.rig.file(), &told.corrections, file)?;
         let what = match told.corrections.len() {
-            0 if told.as_filed => "the values that it had: there was nothing to correct".to_owned(),
-            0 => "the values that it had: correct first what stands above".to_owned(),
+            0 if told.as_filed => "the values of the rig file: there was nothing to correct".to_owned(),
+            0 => "the values of the rig file: correct first what stands above".to_owned(),
             1 => "1 correction".to_owned(),
             n => format!("{n} corrections"),
         };

@@ -28,7 +28,7 @@ use self::page::Page;
 use super::identify::motors::{self, Motion};
 use super::identify::{News, read};
 use super::{edit, joint_name};
-use crate::cli::out::{WrongLine, refuse_folder_or_pipe, say, tell};
+use crate::cli::out::{WrongLine, say, tell};
 
 /// Number of turns over which the drift is computed, the time of each, s, and the time between two
 /// readings, s.
@@ -100,7 +100,7 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     // Before the motors move.
     Page::refuse_another(&args.out)?;
     if let Some(write) = &args.write {
-        refuse_folder_or_pipe(write, "the rig file to write")?;
+        edit::refuse_another(write)?;
     }
     let over =
         args.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });

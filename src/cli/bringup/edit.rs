@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
+use hbot_config::RigConfig;
 use toml_edit::{DocumentMut, Item, Value};
+
+use super::super::out::refuse_folder_or_pipe;
 
 /// Text of the rig file that is used if no other is named.
 const PROTOTYPE: &str = include_str!("../../../rigs/prototype.toml");
@@ -15,6 +18,14 @@ pub(super) fn open(rig: Option<&Path>) -> anyhow::Result<DocumentMut> {
         None => PROTOTYPE.to_owned(),
     };
     Ok(text.parse()?)
+}
+
+/// Fails if `file` cannot become a rig file, or is a file of another kind.
+pub(super) fn refuse_another(file: &Path) -> anyhow::Result<()> {
+    refuse_folder_or_pipe(file, "the rig file to write")?;
+    let is_another = file.is_file() && RigConfig::from_path(file).is_err();
+    ensure!(!is_another, "{}: the file exists already and is no rig file. Name another one", file.display());
+    Ok(())
 }
 
 /// Writes a changed rig file.

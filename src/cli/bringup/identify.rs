@@ -68,7 +68,7 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     }
     let rig = args.which.load()?;
     if let Some(file) = &args.out {
-        refuse_folder_or_pipe(file, "the rig file to write")?;
+        edit::refuse_another(file)?;
     }
     let mut news = News::new();
     let mut recordings = Vec::new();
