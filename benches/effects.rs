@@ -10,7 +10,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use hbot_config::scene::kinds;
 use hbot_config::{RigConfig, RunningScene, SceneFile};
 use hbot_core::design::rig::Limits;
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Command, Inputs, JointReadings};
 use hbot_core::render::Renderer;
 use hbot_core::render::effects::Motion;
 use hbot_core::safety::mode::Mode;
@@ -87,10 +87,8 @@ fn whole_ticks(c: &mut Criterion) {
                 // disagreed, the controller would report a fault.
                 rates[i] = 600.0 * 6.0 * (phase + i as f64).cos() * rig.joints[i].radians_per_count();
             }
-            let complaints = Complaints::default();
             let mut inputs = Inputs::quiet(tick);
-            inputs.feedback =
-                Some(JointReadings { sequence: tick as u32, counts, rates, index_seen: 0, complaints });
+            inputs.feedback = Some(JointReadings::new(tick as u32, counts, rates));
             if tick == 1 {
                 let _ = inputs.commands.push(Command::Enable);
             }

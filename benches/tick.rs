@@ -22,7 +22,7 @@ macro_rules! width {
                 EnergyLimit, Joint, LeadTime, Methods, OdometryMethod, PassivityLimit, PathFit, Rig,
                 RigParts, Traction, Zero,
             };
-            use $core::inputs::{Command, Complaints, Inputs, JointReadings};
+            use $core::inputs::{Command, Inputs, JointReadings};
             use $core::motion::path::Trail;
             use $core::outputs::Outputs;
             use $core::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
@@ -78,13 +78,7 @@ macro_rules! width {
             fn feedback(rig: &Rig, tick: u64) -> JointReadings {
                 let n = rig.device.joints();
                 let phase = tick as $real * 0.006;
-                let mut feedback = JointReadings {
-                    sequence: tick as u32,
-                    counts: [0; MAX_JOINTS],
-                    rates: [0.0; MAX_JOINTS],
-                    index_seen: 0,
-                    complaints: Complaints::default(),
-                };
+                let mut feedback = JointReadings::new(tick as u32, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
                 for i in 0..n {
                     let swing = 0.3 + 0.1 * i as $real;
                     feedback.counts[i] = (swing * (phase + i as $real).sin() * 2000.0) as i32;

@@ -4,7 +4,7 @@
 use hbot_core::design::device::{MAX_JOINTS, MAX_WHEELS};
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Traction, Zero};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
+use hbot_core::inputs::{Command, Inputs, JointReadings, Stamp};
 use hbot_core::outputs::{Outputs, Reply};
 use hbot_core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use hbot_core::safety::mode::Mode;
@@ -114,13 +114,7 @@ pub fn reading(rig: &Rig, sphere: &Sphere, sequence: u32) -> JointReadings {
         // `reversed`.
         counts[j] = (sphere.angle[j] / rig.joints[j].radians_per_count().abs()).round() as i64 as i32;
     }
-    JointReadings {
-        sequence,
-        counts,
-        rates: sphere.rates(sphere.omega),
-        index_seen: 0,
-        complaints: Complaints::default(),
-    }
+    JointReadings::new(sequence, counts, sphere.rates(sphere.omega))
 }
 
 /// Returns what the encoders of `rig` read at these joint angles (rad) and rates (rad/s) of a
@@ -136,8 +130,7 @@ pub fn encoders(
         counts[j] = (angles[j] / joint.radians_per_count()).round() as i64 as i32;
         read[j] = if joint.reversed { -rates[j] } else { rates[j] };
     }
-    let complaints = Complaints::default();
-    JointReadings { sequence: sequence as u32, counts, rates: read, index_seen: 0, complaints }
+    JointReadings::new(sequence as u32, counts, read)
 }
 
 /// The control law alone, with a sphere whose motion the test sets. It has no line, motors or

@@ -271,13 +271,7 @@ fn a_scene_that_does_not_change_gives_the_bits_that_it_always_gave() {
                 let _ = inputs.commands.push(Command::Enable);
             }
             let sequence = (tick as u32).wrapping_sub(1);
-            inputs.feedback = (!rng.once_in(50)).then_some(JointReadings {
-                sequence,
-                counts,
-                rates,
-                index_seen: 0,
-                complaints: Complaints::default(),
-            });
+            inputs.feedback = (!rng.once_in(50)).then_some(JointReadings::new(sequence, counts, rates));
             let outputs = controller.tick(scene, &inputs);
             hash.outputs(&outputs);
             seen[outputs.state.mode as usize] += 1;

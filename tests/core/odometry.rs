@@ -353,13 +353,7 @@ fn the_controller_follows_a_curved_path_over_lost_readings() {
                 for j in 0..4 {
                     counts[j] = (now.joints[j] * unit).round() as i64 as i32;
                 }
-                inputs.feedback = Some(JointReadings {
-                    sequence: ms as u32,
-                    counts,
-                    rates: [0.0; hbot_core::MAX_JOINTS],
-                    index_seen: 0,
-                    complaints: Complaints::default(),
-                });
+                inputs.feedback = Some(JointReadings::new(ms as u32, counts, [0.0; hbot_core::MAX_JOINTS]));
                 last = Some(now.q);
             }
             let state = controller.tick(&CompiledScene::empty(), &inputs).state;

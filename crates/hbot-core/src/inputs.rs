@@ -61,6 +61,15 @@ pub struct JointReadings {
     pub complaints: Complaints,
 }
 
+impl JointReadings {
+    /// Returns a reading with the number `sequence`, encoder counts, and joint rates in rad/s. No
+    /// index mark was seen, and there are no complaints.
+    #[must_use]
+    pub const fn new(sequence: u32, counts: [i32; MAX_JOINTS], rates: [Real; MAX_JOINTS]) -> Self {
+        Self { sequence, counts, rates, index_seen: 0, complaints: Complaints::NONE }
+    }
+}
+
 /// The complaints of motor controllers: faults and warnings that they report about themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "exact", derive(serde::Serialize, serde::Deserialize))]
@@ -81,6 +90,16 @@ pub struct Complaints {
 }
 
 impl Complaints {
+    /// No complaint.
+    pub const NONE: Self = Self {
+        fault: false,
+        watchdog: false,
+        overcurrent: false,
+        overtemperature: false,
+        disobeyed: false,
+        not_finite: false,
+    };
+
     /// Returns the complaints that are present in `self`, in `other`, or in both.
     #[must_use]
     pub fn or(self, other: Self) -> Self {

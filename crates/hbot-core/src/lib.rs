@@ -39,7 +39,7 @@
 //!
 //! ```
 //! use hbot_core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
-//! use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+//! use hbot_core::inputs::{Command, Inputs, JointReadings};
 //! use hbot_core::safety::mode::Mode;
 //! use hbot_core::design::rig::{Joint, RigParts, Zero};
 //! use hbot_core::{
@@ -67,13 +67,7 @@
 //! let mut controller = Controller::new(rig);
 //! for tick in 1..=600 {
 //!     // Encoders at rest. Their reading answers the command of the last tick.
-//!     let feedback = JointReadings {
-//!         sequence: tick as u32 - 1,
-//!         counts: [0; MAX_JOINTS],
-//!         rates: [0.0; MAX_JOINTS],
-//!         index_seen: 0,
-//!         complaints: Complaints::default(),
-//!     };
+//!     let feedback = JointReadings::new(tick as u32 - 1, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
 //!     let mut inputs = Inputs { feedback: Some(feedback), ..Inputs::quiet(tick) };
 //!     if tick == 3 {
 //!         inputs.commands.push(Command::Enable).map_err(|_| "no room for a command")?;

@@ -2,7 +2,7 @@
 //! readings cross the line as the same bytes that a serial port would carry.
 
 use hbot_core::design::device::MAX_JOINTS;
-use hbot_core::inputs::{Complaints, JointReadings};
+use hbot_core::inputs::JointReadings;
 use hbot_core::outputs::Drive;
 use hbot_link::{Command, Decoder, FromController, MAX_COMMAND_FRAME, ToController, encode};
 
@@ -65,13 +65,7 @@ impl Exchange {
         let mut newest = None;
         self.decoder.feed(&self.reply, |frame| {
             if let Ok(FromController::Feedback(feedback)) = frame {
-                let mut reading = JointReadings {
-                    sequence: feedback.sequence,
-                    counts: [0; MAX_JOINTS],
-                    rates: [0.0; MAX_JOINTS],
-                    index_seen: 0,
-                    complaints: Complaints::default(),
-                };
+                let mut reading = JointReadings::new(feedback.sequence, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
                 for (joint, at) in feedback.joints.iter().enumerate() {
                     reading.counts[joint] = at.count;
                     reading.rates[joint] = f64::from(at.rate);

@@ -7,7 +7,7 @@
 
 use hbot_core::design::device::{Device, MAX_JOINTS, WheelSpec};
 use hbot_core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Command, Inputs, JointReadings};
 use hbot_core::safety::mode::Mode;
 use hbot_core::design::rig::{Joint, Methods, PassivityLimit, RateEstimate, Rig, RigParts, Zero};
 use hbot_core::{CompiledScene, Controller, Mat3, Vec3, rotation};
@@ -110,13 +110,7 @@ impl Controllers {
         if refused == 0 || back != feedback {
             return Err(26);
         }
-        let mut heard = JointReadings {
-            sequence: back.sequence,
-            counts: [0; MAX_JOINTS],
-            rates: [0.0; MAX_JOINTS],
-            index_seen: 0,
-            complaints: Complaints::default(),
-        };
+        let mut heard = JointReadings::new(back.sequence, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         for (j, reading) in back.joints.iter().enumerate() {
             (heard.counts[j], heard.rates[j]) = (reading.count, f64::from(reading.rate));
         }

@@ -5,7 +5,7 @@ mod eased;
 use super::*;
 use crate::design::device::{Device, WheelSpec};
 use crate::design::rig::{AllocationMethod, Joint, Methods, RateEstimate, RigParts, Traction, Zero};
-use crate::inputs::{Command, Complaints, JointReadings};
+use crate::inputs::{Command, JointReadings};
 use crate::real::{Mat3, sincos};
 use crate::render::effects::{Anchor, Damper, Effect, Kind, Spring, SpringLaw};
 use crate::safety::mode::Mode;
@@ -33,13 +33,7 @@ fn scene() -> CompiledScene {
 /// is enabled in tick 1. The motors go off and on again in the run.
 fn swinging(rig: &Rig, tick: u64) -> Inputs {
     let mut inputs = Inputs::quiet(tick);
-    let mut reading = JointReadings {
-        sequence: tick as u32,
-        counts: [0; MAX_JOINTS],
-        rates: [0.0; MAX_JOINTS],
-        index_seen: 0,
-        complaints: Complaints::default(),
-    };
+    let mut reading = JointReadings::new(tick as u32, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
     for i in 0..rig.device.joints() {
         let swing = 0.3 + 0.1 * i as Real;
         let (sin, cos) = sincos(tick as Real * 0.006 + i as Real);

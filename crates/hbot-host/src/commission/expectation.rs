@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::{Methods, OdometryMethod, PathFit, Rig, RigParts, Zero};
-use hbot_core::inputs::{Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Inputs, JointReadings};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Quat, rotation};
 use hbot_sim::motion::{LEAD, MOTIONS, TrueMotion};
 
@@ -205,13 +205,7 @@ fn reading<const N: usize>(rig: &Rig, tick: usize, h: f64, y: &[f64; N]) -> Inpu
         counts[j] = (y[4 + j] / joint.radians_per_count()).round() as i64 as i32;
         rates[j] = if joint.reversed { -rates[j] } else { rates[j] };
     }
-    let feedback = JointReadings {
-        sequence: tick as u32,
-        counts,
-        rates,
-        index_seen: 0,
-        complaints: Complaints::default(),
-    };
+    let feedback = JointReadings::new(tick as u32, counts, rates);
     Inputs { feedback: Some(feedback), ..Inputs::quiet(tick as u64) }
 }
 

@@ -12,24 +12,6 @@ use crate::rig::layout::Layout;
 /// The command that switches the motors off.
 pub(crate) const OFF: Drive = Drive { enable: false, torque: [0.0; MAX_JOINTS] };
 
-/// The joint readings before the first one has arrived: all values are zero.
-const NO_READINGS: JointReadings = JointReadings {
-    sequence: 0,
-    counts: [0; MAX_JOINTS],
-    rates: [0.0; MAX_JOINTS],
-    index_seen: 0,
-    complaints: NO_COMPLAINTS,
-};
-
-const NO_COMPLAINTS: Complaints = Complaints {
-    fault: false,
-    watchdog: false,
-    overcurrent: false,
-    overtemperature: false,
-    disobeyed: false,
-    not_finite: false,
-};
-
 /// All motor buses of a rig. They are presented as one list of joints, in the order of the rig.
 pub struct Motors {
     buses: Vec<Attached>,
@@ -98,7 +80,7 @@ impl Motors {
             buses: buses.into_iter().enumerate().map(attach).collect(),
             offsets: layout.offsets,
             watchdog_ms,
-            readings: NO_READINGS,
+            readings: JointReadings::new(0, [0; MAX_JOINTS], [0.0; MAX_JOINTS]),
             turn: 0,
         }
     }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::{RigParts, Zero, legal};
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings, Stamp};
+use hbot_core::inputs::{Command, Inputs, JointReadings, Stamp};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, MAX_WHEELS, Rig, Vec3};
 
 /// Number of ticks before the timed ones. In these ticks the control law finds its zeros and is
@@ -81,13 +81,7 @@ fn inputs(rig: &Rig) -> Vec<Inputs> {
                 *th = angles[2 * wheel];
             }
             let rates = Posture::new(&rig.device, &steering[..joints / 2]).inverse(OMEGA);
-            let mut feedback = JointReadings {
-                sequence: i as u32,
-                counts: [0; MAX_JOINTS],
-                rates: [0.0; MAX_JOINTS],
-                index_seen: 0,
-                complaints: Complaints::default(),
-            };
+            let mut feedback = JointReadings::new(i as u32, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
             for j in 0..joints {
                 angles[j] += rates[j] * rig.timing.period_s();
                 let joint = &rig.joints[j];

@@ -13,7 +13,7 @@ pub(crate) mod lead;
 pub(crate) mod stability;
 
 use hbot_core::design::kinematics::Posture;
-use hbot_core::inputs::{Complaints, JointReadings};
+use hbot_core::inputs::JointReadings;
 use hbot_core::{MAX_JOINTS, Rig};
 use hbot_sim::motion::{MotionSample, TrueMotion};
 use serde_json::Value;
@@ -37,7 +37,7 @@ fn readings(rig: &Rig, motion: &TrueMotion, moments: &[MotionSample]) -> Vec<Joi
         for (j, angle) in moment.joints.iter().enumerate() {
             counts[j] = (angle / rig.joints[j].radians_per_count()).round() as i64 as i32;
         }
-        JointReadings { sequence: k as u32, counts, rates, index_seen: 0, complaints: Complaints::default() }
+        JointReadings::new(k as u32, counts, rates)
     };
     moments.iter().enumerate().map(each).collect()
 }

@@ -3,7 +3,7 @@
 use super::super::core::allocation::JointLimits;
 use super::super::core::design::device::MAX_JOINTS;
 use super::super::core::design::rig::{Joint, Limits, Methods, OdometryMethod, Rig, RigParts, Zero};
-use super::super::core::inputs::{Command, Complaints, Inputs, JointReadings};
+use super::super::core::inputs::{Command, Inputs, JointReadings};
 use super::super::core::outputs::{Outputs, Reply};
 use super::super::core::render::effects::{Anchor, Effect, Kind, Spring, SpringLaw};
 use super::super::core::safety::mode::Mode;
@@ -91,13 +91,7 @@ impl ReadRig {
     }
 
     pub fn step(&mut self, alter: impl FnOnce(&mut Inputs)) -> Outputs {
-        let feedback = JointReadings {
-            sequence: (self.tick as u32).wrapping_sub(1),
-            counts: self.counts,
-            rates: self.rates,
-            index_seen: 0,
-            complaints: Complaints::default(),
-        };
+        let feedback = JointReadings::new((self.tick as u32).wrapping_sub(1), self.counts, self.rates);
         let mut inputs = Inputs { feedback: Some(feedback), ..Inputs::quiet(self.tick) };
         alter(&mut inputs);
         self.tick = inputs.tick.saturating_add(1);

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 
 use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::{RateEstimate, Rig};
-use hbot_core::inputs::{Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Inputs, JointReadings};
 use hbot_core::{CompiledScene, Controller, MAX_JOINTS, Vec3};
 use hbot_plot::{Lines, Series, short};
 use hbot_sim::motion::JOINTS;
@@ -89,13 +89,7 @@ impl Motion {
 /// `rig`. Angles are rounded down to whole encoder counts.
 fn readings(rig: &Rig, truth: &[Truth]) -> Vec<JointReadings> {
     let reading = |(tick, (angles, rates, _)): (usize, &Truth)| {
-        let mut feedback = JointReadings {
-            sequence: tick as u32,
-            counts: [0; MAX_JOINTS],
-            rates: [0.0; MAX_JOINTS],
-            index_seen: 0,
-            complaints: Complaints::default(),
-        };
+        let mut feedback = JointReadings::new(tick as u32, [0; MAX_JOINTS], [0.0; MAX_JOINTS]);
         for j in 0..JOINTS {
             feedback.counts[j] = (angles[j] / rig.joints[j].radians_per_count()).floor() as i32;
             feedback.rates[j] = rates[j];

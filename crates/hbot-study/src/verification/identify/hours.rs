@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use hbot_config::RigConfig;
 use hbot_core::design::rig::Zero;
-use hbot_core::inputs::{Command, Complaints, Inputs, JointReadings};
+use hbot_core::inputs::{Command, Inputs, JointReadings};
 use hbot_core::outputs::State;
 use hbot_core::{CompiledScene, Controller, Device, MAX_JOINTS, Quat, Rig, Vec3, rotation};
 use hbot_identify::{What, identify};
@@ -154,13 +154,7 @@ pub(super) fn study(context: &Context, report: &mut Report) {
         let mut rng = Rng(SEED);
         let seen = read(&drawing, &built, &hand, seconds, Encoders::slipping(creep), SEED);
         for (sequence, (counts, q)) in (0..).zip(seen) {
-            let reading = JointReadings {
-                sequence,
-                counts,
-                rates: [0.0; MAX_JOINTS],
-                index_seen: 0,
-                complaints: Complaints::default(),
-            };
+            let reading = JointReadings::new(sequence, counts, [0.0; MAX_JOINTS]);
             let real = turn * q * turn.conjugate();
             all.iter_mut().for_each(|fused| fused.tick(&scene, reading, real, &mut rng));
         }
