@@ -3,10 +3,10 @@
 
 use crate::designs::{impedance, orientation, vector};
 use crate::prelude::*;
-use crate::rng::Rng;
 use hbot_core::render::impedance::{
     Elastic, damper, first_order_law, geodesic_law, is_impedance, quaternion_law,
 };
+use hbot_testing::rng::Rng;
 use proptest::prelude::*;
 
 type Law = fn(Quat, Quat, &Mat3) -> Elastic;

@@ -32,7 +32,6 @@ mod prelude;
 mod rates;
 mod readings;
 mod references;
-mod rng;
 mod same_bits;
 mod sessions;
 mod shaking;

@@ -4,7 +4,6 @@ pub use crate::bench::{
     Bench, DT, FirstReply, TORQUE_RATE, active, altered, effect, encoders, rig, spring, spring_scene, stream,
 };
 
-pub use crate::rng::Rng;
 pub use hbot_core::design::device::MAX_JOINTS;
 pub use hbot_core::design::kinematics::Posture;
 pub use hbot_core::design::rig::{LeadTime, PassivityLimit, RateEstimate, Rig, Traction, Zero};
@@ -18,3 +17,4 @@ pub use hbot_core::render::effects::{
 
 pub use hbot_core::safety::mode::{Cause, Mode};
 pub use hbot_core::{CompiledScene, Controller, Device, Mat3, Quat, Vec3, WheelSpec, rotation};
+pub use hbot_testing::rng::Rng;

@@ -7,6 +7,7 @@
 //! | [`prototype`] | the prototype, its simulated rig, and a variant with long time-outs |
 //! | [`far`] | simulated motor controllers behind a pseudo-terminal, which record all commands |
 //! | [`lines`] | a client that sends and receives JSON lines without the client library |
+//! | [`rng`] | random numbers that are equal in every run |
 //! | [`log`] | a log subscriber that hands each message to the test |
 //! | `server` (feature) | a server that runs in the process of the test |
 //!
@@ -17,5 +18,6 @@ pub mod lines;
 pub mod log;
 pub mod patience;
 pub mod prototype;
+pub mod rng;
 #[cfg(feature = "server")]
 pub mod server;

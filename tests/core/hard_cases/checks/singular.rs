@@ -8,7 +8,7 @@ use super::super::core::design::singularity::{
 };
 use super::super::core::{Device, Real, Vec3, WheelSpec};
 use super::machine::{device, limits, wheels};
-use crate::rng::Rng;
+use hbot_testing::rng::Rng;
 
 /// Returns nearly singular designs with a name and their smallest interior margin: a cone of 1e-3,
 /// a toe of 89.9 degrees, and contacts that come within 0.1 degree of each other.

@@ -4,62 +4,30 @@
 use hbot_core::design::device::WheelSpec;
 use hbot_sim::hand::Grip;
 use hbot_sim::phenomena::{Eccentric, Gear, Pivoting, WheelModules};
+use hbot_testing::rng::Rng;
 
 use crate::prelude::*;
 
-/// A generator of pseudo-random numbers: splitmix64 (Steele, Lea and Flood 2014).
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+/// Returns zero one time in five, `huge` one time in five, and otherwise a random number between
+/// `low` and `high`.
+fn figure(dice: &mut Rng, low: f64, high: f64, huge: f64) -> f64 {
+    match dice.below(5) {
+        0 => 0.0,
+        1 => huge,
+        _ => dice.decade(low, high),
     }
+}
 
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    /// Returns a random number between `low` and `high` whose logarithm is uniformly distributed.
-    fn decade(&mut self, low: f64, high: f64) -> f64 {
-        10.0f64.powf(self.between(low.log10(), high.log10()))
-    }
-
-    fn chance(&mut self, share: f64) -> bool {
-        self.unit() < share
-    }
-
-    /// Returns zero one time in five, `huge` one time in five, and otherwise a random number
-    /// between `low` and `high`.
-    fn figure(&mut self, low: f64, high: f64, huge: f64) -> f64 {
-        match self.next() % 5 {
-            0 => 0.0,
-            1 => huge,
-            _ => self.decade(low, high),
-        }
-    }
-
-    fn vector(&mut self, size: f64) -> Vec3 {
-        Vec3::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
-    }
-
-    fn some<T>(&mut self, share: f64, value: impl FnOnce(&mut Self) -> T) -> Option<T> {
-        self.chance(share).then(|| value(self))
-    }
+/// Returns `value` in the share `share` of all calls.
+fn some<T>(dice: &mut Rng, share: f64, value: impl FnOnce(&mut Rng) -> T) -> Option<T> {
+    dice.chance(share).then(|| value(dice))
 }
 
 /// Returns a random device. One device in four has inertias that differ by up to six powers of ten;
 /// the others have inertias like those of a real device. One device in twenty has joints without
 /// inertia.
-fn device(dice: &mut Dice) -> Option<Device> {
-    let count = 2 + (dice.next() % 7) as usize;
+fn device(dice: &mut Rng) -> Option<Device> {
+    let count = 2 + dice.below(7) as usize;
     let extreme = dice.chance(0.25);
     let spread = if extreme { 1.0e3 } else { 3.0 };
     let inertia = if dice.chance(0.05) { 0.0 } else { 1.0 };
@@ -85,34 +53,34 @@ fn device(dice: &mut Dice) -> Option<Device> {
     Device::new(dice.between(0.05, 0.2), 0.5 * dice.decade(1.0 / spread, spread), &specs).ok()
 }
 
-fn phenomena(dice: &mut Dice) -> Phenomena {
+fn phenomena(dice: &mut Rng) -> Phenomena {
     Phenomena {
-        joint_friction: dice.some(0.5, |dice| JointFriction {
-            coulomb: dice.figure(1e-5, 1e-1, 10.0),
-            viscous: dice.figure(1e-6, 1e-2, 10.0),
-            breakaway: dice.figure(1e-5, 1e-1, 10.0),
+        joint_friction: some(dice, 0.5, |dice| JointFriction {
+            coulomb: figure(dice, 1e-5, 1e-1, 10.0),
+            viscous: figure(dice, 1e-6, 1e-2, 10.0),
+            breakaway: figure(dice, 1e-5, 1e-1, 10.0),
             stribeck_rate: dice.decade(1e-3, 1e2),
         }),
-        cage_friction: dice.some(0.5, |dice| CageFriction { torque: dice.figure(1e-5, 1e-1, 10.0) }),
-        slip: dice.some(0.5, |dice| Slip {
-            mu: dice.figure(1e-3, 1.0, 1e6),
-            normal_force: dice.figure(0.1, 100.0, 1e4),
+        cage_friction: some(dice, 0.5, |dice| CageFriction { torque: figure(dice, 1e-5, 1e-1, 10.0) }),
+        slip: some(dice, 0.5, |dice| Slip {
+            mu: figure(dice, 1e-3, 1.0, 1e6),
+            normal_force: figure(dice, 0.1, 100.0, 1e4),
         }),
-        pivoting: dice.some(0.4, |dice| Pivoting {
-            mu: dice.figure(1e-3, 1.0, 1e6),
+        pivoting: some(dice, 0.4, |dice| Pivoting {
+            mu: figure(dice, 1e-3, 1.0, 1e6),
             normal_force: 10.0,
-            patch_radius: dice.figure(1e-5, 1e-2, 0.1),
+            patch_radius: figure(dice, 1e-5, 1e-2, 0.1),
         }),
-        eccentric: dice.some(0.4, |dice| Eccentric { offset: dice.vector(0.01).to_array() }),
-        wheel_modules: dice.some(0.4, |dice| WheelModules { mass: dice.figure(1e-3, 0.2, 1.0) }),
-        gear: dice.some(0.4, |dice| Gear {
-            backlash: dice.figure(1e-4, 0.1, 1.0),
+        eccentric: some(dice, 0.4, |dice| Eccentric { offset: dice.vector(0.01).to_array() }),
+        wheel_modules: some(dice, 0.4, |dice| WheelModules { mass: figure(dice, 1e-3, 0.2, 1.0) }),
+        gear: some(dice, 0.4, |dice| Gear {
+            backlash: figure(dice, 1e-4, 0.1, 1.0),
             efficiency: dice.between(0.01, 1.0),
             rotor_share: dice.between(0.01, 0.99),
         }),
-        hand: dice.some(0.3, |dice| Hand {
+        hand: some(dice, 0.3, |dice| Hand {
             stiffness: dice.decade(0.1, 30.0),
-            damping: dice.figure(1e-3, 1.0, 10.0),
+            damping: figure(dice, 1e-3, 1.0, 10.0),
             inertia: dice.decade(1e-6, 1e-2),
             amplitude: 0.0,
             ..Hand::default()
@@ -138,7 +106,7 @@ struct Tally {
 /// Simulates one random scene for `steps` steps, checks that no step adds energy, and updates
 /// `tally`. Does nothing if the seed gives no valid device or no nonsmooth phenomena.
 fn run(seed: u64, steps: u32, tally: &mut Tally) {
-    let mut dice = Dice(seed);
+    let mut dice = Rng(seed);
     let Some(device) = device(&mut dice) else { return };
     let phenomena = phenomena(&mut dice);
     let mut state = PlantState {
