@@ -429,7 +429,7 @@ impl Fitting<'_> {
 }
 
 /// Returns the median of `values`, 0 if there are none.
-fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     if values.is_empty() {
         return 0.0;

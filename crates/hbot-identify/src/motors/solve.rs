@@ -2,6 +2,7 @@
 //! windows that do not fit, and with what is expected as one more observation for each unknown.
 
 use super::rows::Rows;
+use crate::fit::median;
 use crate::matrix::Square;
 
 /// Distance, in standard deviations, from which on a window gets no weight (Tukey's biweight).
@@ -149,12 +150,10 @@ fn residual(rows: &Rows<'_>, found: &[f64]) -> Vec<f64> {
 
 /// Returns the usual size of a row: from the median of its sizes, as of a normal distribution.
 fn scale(residual: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = residual.iter().map(|x| x.abs()).collect();
-    let middle = sizes.len() / 2;
-    if sizes.is_empty() {
+    if residual.is_empty() {
         return f64::MIN_POSITIVE;
     }
-    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let median = median(residual.iter().map(|x| x.abs()).collect());
     (median / 0.6745).max(1.0e-9)
 }
 
