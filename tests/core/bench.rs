@@ -257,6 +257,12 @@ pub fn stream(torque: Vec3, valid_ticks: u32) -> Command {
     Command::Stream { torque, valid_ticks, stamp: Stamp::default() }
 }
 
+/// Returns a command that moves the reference of an effect to `q`. It turns on at `omega` (rad/s in
+/// N) for `valid_ticks` ticks.
+pub fn reference(slot: u8, epoch: u32, q: Quat, omega: Vec3, valid_ticks: u32) -> Command {
+    Command::Reference { slot, epoch, q, omega, valid_ticks, stamp: Stamp::default() }
+}
+
 /// Asserts that every number in the outputs is finite, and that there is no torque while the motors
 /// are not enabled.
 pub fn assert_finite(outputs: &Outputs) {

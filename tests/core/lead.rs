@@ -32,7 +32,7 @@ fn ahead(state: &State) -> Vec3 {
 }
 
 fn reference(q: Quat, omega: Vec3, valid_ticks: u32) -> Command {
-    Command::Reference { slot: 3, epoch: 9, q, omega, valid_ticks, stamp: Stamp::default() }
+    crate::bench::reference(3, 9, q, omega, valid_ticks)
 }
 
 /// Returns a dial about n3 with `count` notches.
@@ -155,14 +155,7 @@ fn a_track_is_led_by_its_own_rate() {
 fn at_half_a_turn_from_the_reference_the_torque_stays_finite_and_in_one_direction() {
     let half = Vec3::Z * core::f64::consts::PI;
     let mut bench = Bench::active(led(), spring_scene(1, 0.1, Vec3::Z * 0.3));
-    bench.command(Command::Reference {
-        slot: 0,
-        epoch: 1,
-        q: rotation::exp(half),
-        omega: Vec3::ZERO,
-        valid_ticks: 1,
-        stamp: Stamp::default(),
-    });
+    bench.command(crate::bench::reference(0, 1, rotation::exp(half), Vec3::ZERO, 1));
     let rest = bench.run(3).state.torque;
     assert!((rest.length() - 0.1 * core::f64::consts::PI).abs() < 1e-9, "{rest}");
     // The sphere turns through the half turn. The torque changes its direction once.

@@ -81,14 +81,7 @@ fn the_end_of_all_ticks_is_no_danger() {
     bench.command(Command::Enable);
     for _ in 0..30 {
         bench.command(crate::bench::stream(Vec3::X * 0.1, u32::MAX));
-        bench.command(Command::Reference {
-            slot: 0,
-            epoch: 1,
-            q: hbot_core::Quat::IDENTITY,
-            omega: Vec3::ZERO,
-            valid_ticks: u32::MAX,
-            stamp: hbot_core::inputs::Stamp::default(),
-        });
+        bench.command(crate::bench::reference(0, 1, hbot_core::Quat::IDENTITY, Vec3::ZERO, u32::MAX));
         if bench.tick > u64::MAX - 4 {
             break;
         }

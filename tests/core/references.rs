@@ -10,7 +10,7 @@ fn scene(stiffness: f64, damping: f64) -> CompiledScene {
 }
 
 fn reference(q: Quat, omega: Vec3, valid_ticks: u32) -> Command {
-    Command::Reference { slot: 3, epoch: 9, q, omega, valid_ticks, stamp: Stamp::default() }
+    crate::bench::reference(3, 9, q, omega, valid_ticks)
 }
 
 fn align(q: Quat, weight: f64, tick: u64) -> Command {
@@ -126,15 +126,7 @@ fn a_reference_that_turns_takes_along_what_an_effect_holds() {
 fn a_reference_to_an_effect_that_is_not_there_is_refused() {
     let mut bench = Bench::active(rig(), scene(1.0, 0.0));
     for (slot, epoch) in [(3, 8), (3, 10), (4, 9), (31, 9), (255, 9)] {
-        let command = Command::Reference {
-            slot,
-            epoch,
-            q: Quat::IDENTITY,
-            omega: Vec3::ZERO,
-            valid_ticks: 1,
-            stamp: Stamp::default(),
-        };
-        let outputs = bench.command(command);
+        let outputs = bench.command(crate::bench::reference(slot, epoch, Quat::IDENTITY, Vec3::ZERO, 1));
         assert_eq!(outputs.reply(), Reply::Refused(Refusal::NoReference), "slot {slot}, epoch {epoch}");
         assert_eq!(outputs.state.client, None);
     }

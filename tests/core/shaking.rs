@@ -230,14 +230,11 @@ fn a_swing_with_a_reason_is_none_of_the_guards() {
             let phase = libm::sin(f64::from(tick) * 0.001 * 9.0 * core::f64::consts::TAU);
             let command = match name {
                 "stream" if tick > 900 => Some(crate::bench::stream(Vec3::Y * 0.3 * phase, 30)),
-                "reference" if tick > 900 => Some(Command::Reference {
-                    slot: 0,
-                    epoch: run.scene.effects()[0].epoch,
-                    q: hbot_core::rotation::exp(Vec3::Y * 0.05 * phase),
-                    omega: Vec3::ZERO,
-                    valid_ticks: 5,
-                    stamp: hbot_core::inputs::Stamp::default(),
-                }),
+                "reference" if tick > 900 => {
+                    let epoch = run.scene.effects()[0].epoch;
+                    let q = hbot_core::rotation::exp(Vec3::Y * 0.05 * phase);
+                    Some(crate::bench::reference(0, epoch, q, Vec3::ZERO, 5))
+                }
                 _ => None,
             };
             let state = run.step_with(command);
