@@ -24,13 +24,12 @@ pub struct Bar {
 /// which shows the values.
 #[must_use]
 pub fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
-    let mut out = String::new();
     let reach = |bar: &Bar| bar.spread.map_or(bar.value, |[_, high]| high.max(bar.value));
     let longest = bars.iter().map(reach).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     let least = bars.iter().map(|bar| bar.value).fold(0.0, f64::min);
     let names = bars.iter().map(|bar| bar.name.len()).max().unwrap_or(0) as u32;
     let height = 110 + 22 * bars.len() as u32;
-    drawn(&mut out, (900, height), |area| {
+    drawn((900, height), |area| {
         let mut chart = ChartBuilder::on(area)
             .caption(title, ("sans-serif", 20))
             .margin(12)
@@ -79,8 +78,7 @@ pub fn bars(title: &str, x: &str, bars: &[Bar]) -> String {
             area.draw(&Text::new(bar.name.clone(), place, style)).map_err(failed)?;
         }
         Ok(())
-    });
-    out
+    })
 }
 
 #[cfg(test)]

@@ -78,13 +78,17 @@ fn failed(error: impl std::fmt::Display) -> Failed {
     Failed(error.to_string())
 }
 
-fn drawn(out: &mut String, size: (u32, u32), draw: impl FnOnce(&Surface<'_>) -> Result<(), Failed>) {
-    let area = SVGBackend::with_string(out, size).into_drawing_area();
+/// Returns what `draw` draws on a white picture of `size` (width and height, pixels), as SVG.
+fn drawn(size: (u32, u32), draw: impl FnOnce(&Surface<'_>) -> Result<(), Failed>) -> String {
+    let mut out = String::new();
+    let area = SVGBackend::with_string(&mut out, size).into_drawing_area();
     let result = area.fill(&WHITE).map_err(failed).and_then(|()| draw(&area));
     let result = result.and_then(|()| area.present().map_err(failed));
     if let Err(Failed(why)) = result {
         unreachable!("drawing into a string: {why}");
     }
+    drop(area);
+    out
 }
 
 #[cfg(test)]

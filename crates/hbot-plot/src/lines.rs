@@ -94,17 +94,15 @@ impl Lines {
     /// Draws the plot and returns it as SVG.
     #[must_use]
     pub fn svg(&self) -> String {
-        let mut out = String::new();
         let [x, y] = [0, 1].map(|axis| self.range(axis));
         let even = Axis::even;
         let log = |range: Range<f64>| Axis { coordinate: range.log_scale(), rounding: 0.0 };
-        drawn(&mut out, SIZE, |area| match self.log {
+        drawn(SIZE, |area| match self.log {
             [true, true] => self.draw(area, log(x), log(y)),
             [true, false] => self.draw(area, log(x), even(y)),
             [false, true] => self.draw(area, even(x), log(y)),
             [false, false] => self.draw(area, even(x), even(y)),
-        });
-        out
+        })
     }
 
     fn visible(&self, &(x, y): &(f64, f64)) -> bool {

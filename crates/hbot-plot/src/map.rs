@@ -52,12 +52,10 @@ pub struct Map {
 pub fn maps(all: &[Map]) -> String {
     let columns = all.len().min(2);
     let rows = all.len().div_ceil(columns.max(1));
-    let mut out = String::new();
-    drawn(&mut out, (SIZE.0 * columns as u32, SIZE.1 * rows as u32), |area| {
+    drawn((SIZE.0 * columns as u32, SIZE.1 * rows as u32), |area| {
         let parts = area.split_evenly((rows, columns));
         all.iter().zip(&parts).try_for_each(|(map, part)| map.draw(part))
-    });
-    out
+    })
 }
 
 impl Map {

@@ -65,9 +65,7 @@ impl NamedPoints {
     /// Draws the plot and returns it as SVG.
     #[must_use]
     pub fn svg(&self) -> String {
-        let mut out = String::new();
-        drawn(&mut out, SIZE, |area| self.draw(area));
-        out
+        drawn(SIZE, |area| self.draw(area))
     }
 
     fn points(&self) -> impl Iterator<Item = (RGBColor, &NamedPoint)> {

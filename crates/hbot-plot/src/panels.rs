@@ -52,8 +52,8 @@ pub struct PlotPanel {
 pub fn sheet(title: &str, panels: &[PlotPanel], below: Option<&Hemispheres>) -> String {
     let height = TITLE + PANEL * panels.len() as u32 + below.map_or(0, |_| hemispheres::HEIGHT);
     let names: Vec<&str> = panels.iter().flat_map(PlotPanel::names).collect();
-    let (mut out, mut curves) = (String::new(), String::new());
-    drawn(&mut out, (WIDTH, height), |area| {
+    let mut curves = String::new();
+    let mut out = drawn((WIDTH, height), |area| {
         let (head, mut rest) = area.split_vertically(TITLE);
         let font = ("sans-serif", 20).into_font();
         head.draw(&Text::new(title.to_owned(), (14, 12), font)).map_err(failed)?;

@@ -40,9 +40,7 @@ impl Scatter {
     /// Draws the plot and returns it as SVG.
     #[must_use]
     pub fn svg(&self) -> String {
-        let mut out = String::new();
-        drawn(&mut out, SIZE, |area| self.draw(area));
-        out
+        drawn(SIZE, |area| self.draw(area))
     }
 
     fn range(&self, of: impl Fn(&(f64, f64)) -> f64) -> Range<f64> {

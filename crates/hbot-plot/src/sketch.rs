@@ -135,9 +135,8 @@ impl Sketch {
     pub fn panels(all: &[Self]) -> String {
         let columns = all.len().min(2);
         let rows = all.len().div_ceil(columns.max(1));
-        let mut out = String::new();
         let (width, height) = (SIZE.0 * columns as u32, SIZE.1 * rows as u32);
-        drawn(&mut out, (pixels(width), pixels(height)), |area| {
+        let out = drawn((pixels(width), pixels(height)), |area| {
             let parts = area.split_evenly((rows, columns));
             all.iter().zip(&parts).try_for_each(|(sketch, part)| sketch.draw(part))
         });
