@@ -25,9 +25,9 @@ fn goes_on(mut server: Mute) {
             assert_eq!(answer["ok"]["mode"], "estop", "{answer}");
         }
     }
-    let pid = rustix::process::Pid::from_child(&server.child);
+    let pid = rustix::process::Pid::from_child(&server.child.0);
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).expect("the server is there");
-    let status = until("it ends", || server.child.try_wait().expect("a child"));
+    let status = until("it ends", || server.child.0.try_wait().expect("a child"));
     assert_eq!(status.code(), Some(0));
 }
 
@@ -74,7 +74,7 @@ fn a_folder_of_flight_logs_that_cannot_be_made_is_told_at_start() {
 fn a_log_that_is_read_has_what_happened() {
     let state = tempfile::tempdir().expect("a folder");
     let mut server = start(state.path(), Stdio::piped);
-    let log = BufReader::new(server.child.stderr.take().expect("piped"));
+    let log = BufReader::new(server.child.0.stderr.take().expect("piped"));
     let reading = std::thread::spawn(move || log.lines().map_while(Result::ok).collect::<Vec<_>>());
     goes_on(server);
     let lines = reading.join().expect("no panic");

@@ -120,8 +120,8 @@ fn serves(mut server: Mute) {
         client.ask(&format!(r#"{{"id": {id}, "op": "estop"}}"#));
     }
     client.state(|state| state["mode"] == "estop");
-    kill_process(Pid::from_child(&server.child), Signal::TERM).expect("it is there");
-    assert_eq!(server.child.wait().expect("it ends").code(), Some(0));
+    kill_process(Pid::from_child(&server.child.0), Signal::TERM).expect("it is there");
+    assert_eq!(server.child.0.wait().expect("it ends").code(), Some(0));
 }
 
 #[test]

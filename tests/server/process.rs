@@ -56,8 +56,9 @@ pub(crate) fn push(client: &mut JsonLines, mut pushed: impl FnMut() -> bool) {
 
 /// A server process. It is killed at the end of a test that has not stopped it.
 pub(crate) struct Process {
+    /// It ends before its folder, which stands below.
+    child: Killed,
     folder: Option<tempfile::TempDir>,
-    child: Child,
     out: BufReader<ChildStdout>,
     pub(crate) banner: String,
     pub(crate) address: String,
@@ -85,7 +86,7 @@ impl Process {
             }
         }
         let address = banner.split_whitespace().last().expect("an address").to_owned();
-        Self { folder: None, child, out, banner, address }
+        Self { child: Killed(child), folder: None, out, banner, address }
     }
 
     /// Starts a server on a free port. Its flight logs go into a folder that ends with it.
@@ -128,11 +129,11 @@ impl Process {
     }
 
     pub(crate) fn pid(&self) -> u32 {
-        self.child.id()
+        self.child.0.id()
     }
 
     pub(crate) fn signal(&self, signal: Signal) {
-        let pid = Pid::from_child(&self.child);
+        let pid = Pid::from_child(&self.child.0);
         kill_process(pid, signal).expect("the server is there");
     }
 
@@ -140,21 +141,13 @@ impl Process {
     pub(crate) fn end(mut self) -> (String, ExitStatus) {
         let mut rest = String::new();
         self.out.read_to_string(&mut rest).expect("readable");
-        (rest, self.child.wait().expect("it ends"))
+        (rest, self.child.0.wait().expect("it ends"))
     }
 
     /// Sends `signal` and waits until the server has ended.
     pub(crate) fn end_by(&mut self, signal: Signal) {
         self.signal(signal);
-        self.child.wait().expect("it ends");
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // After a successful test the process has already ended.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.child.0.wait().expect("it ends");
     }
 }
 
@@ -163,6 +156,7 @@ pub(crate) struct Killed(pub(crate) Child);
 
 impl Drop for Killed {
     fn drop(&mut self) {
+        // After a successful test the program has already ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -171,7 +165,7 @@ impl Drop for Killed {
 /// A server whose output is not read. The test chooses its port. It is killed at the end of a test
 /// that has not stopped it.
 pub(crate) struct Mute {
-    pub(crate) child: Child,
+    pub(crate) child: Killed,
     pub(crate) address: String,
 }
 
@@ -183,7 +177,7 @@ impl Mute {
             let mut command = hbot();
             command.args(["server", "--time", "virtual", "--listen", &address]).env("XDG_STATE_HOME", state);
             with(&mut command);
-            let mut mute = Self { child: command.spawn().expect("the binary runs"), address };
+            let mut mute = Self { child: Killed(command.spawn().expect("the binary runs")), address };
             if mute.listens() {
                 return mute;
             }
@@ -199,17 +193,9 @@ impl Mute {
             if TcpStream::connect(at).is_ok() {
                 return Some(true);
             }
-            let status = self.child.try_wait().expect("a child")?;
+            let status = self.child.0.try_wait().expect("a child")?;
             assert_eq!(status.code(), Some(1), "the server ended at start");
             Some(false)
         })
-    }
-}
-
-impl Drop for Mute {
-    fn drop(&mut self) {
-        // After a successful test the process has already ended.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
