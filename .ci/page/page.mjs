@@ -879,7 +879,7 @@ for (const viewport of Object.values(SIZES)) {
 await page.setViewportSize(SIZES.desk);
 await ticks();
 await bars();
-assert.deepEqual(await next(), ["reset"], "the remedy of a fault begins with Reset");
+await until("the remedy of a fault begins with Reset", async () => (await next()).join() === "reset", 5);
 await picture("fault");
 await look();
 await uncovered();
@@ -1048,7 +1048,7 @@ await page.addInitScript(() => {
   // curve. With `cuts`, the limits cut 64 % of the torque. With `deaf`, no state comes. With
   // `turned`, an angle about n3, rad. With `step`, another reference. With `strains`, a torque of
   // 0.89 of 0.90 N m. With `fast`, a damaged line is a sphere that is too fast. With `spins`, it
-  // turns at 3 rad/s. With `begins`, the start is not over.
+  // turns at so many rad/s. With `begins`, the start is not over.
   const shaking = { event: "shaking", frequency: 10, amplitude: 13, effect: "spring", gain: 0.5, message: "the sphere shakes" };
   let told = false;
   JSON.parse = (text) => {
@@ -1061,7 +1061,7 @@ await page.addInitScript(() => {
     if (window.shakes && text.includes('"event":"shaking"')) return {};
     return parse(text.replace('"simulated":true', '"simulated":false')
       .replace(/"omega":\[[^\]]*\]/, (told) => (window.shakes ? '"omega":[0,13,0]' : told))
-      .replace(/"omega":\[[^\]]*\]/, (told) => (window.spins ? '"omega":[0,3,0]' : told))
+      .replace(/"omega":\[[^\]]*\]/, (told) => (window.spins ? `"omega":[0,${window.spins},0]` : told))
       .replace('"mode":"active"', (told) => (window.begins ? '"mode":"enabling"' : told))
       .replace(/"scale":[^,}]*/, (told) => (window.cuts ? '"scale":0.36' : told))
       .replace(/"traction":[^,}]*/, (told) => (window.slides ? '"traction":1' : told))
@@ -1112,6 +1112,19 @@ await until("short words on a telephone", async () => (await text("#keys")) === 
 await page.setViewportSize(SIZES.desk);
 await page.evaluate(() => { window.begins = true; });
 await shows("#headline", "ENABLING");
+// Each state has a sign of its own, and a beginning torque another edge than a full one.
+const [signs, edges] = await page.evaluate(() => {
+  const { head } = document.body.dataset;
+  const all = ["idle", "unreferenced", "enabling", "active", "estop", "fault", "no-contact", "not-stopped"].map((name) => {
+    document.body.dataset.head = name;
+    const { clipPath, borderTopStyle } = getComputedStyle(document.getElementById("headline"), "::before");
+    return [`${clipPath} ${borderTopStyle}`, getComputedStyle(document.getElementById("box")).borderTopStyle];
+  });
+  document.body.dataset.head = head;
+  return [0, 1].map((k) => all.map((it) => it[k]));
+});
+assert.equal(new Set(signs).size, signs.length, JSON.stringify(signs));
+assert.notEqual(edges[2], edges[3], "enabling has the edge of active");
 await picture("enabling");
 await page.evaluate(() => { window.begins = false; });
 await shows("#headline", "ACTIVE");
@@ -1178,6 +1191,24 @@ assert(await tallness() < 2.5, "a long warning");
 await page.click("#warnings button");
 assert(await tallness() > 2.5, "the whole warning");
 await page.click("#warnings button");
+// A notice that ends in dots has More, and then all its words.
+const dotted = () => page.locator("#notice").evaluate((it) => it.scrollHeight > it.clientHeight + 1 || it.scrollWidth > it.clientWidth);
+let dottedAt = 0;
+for (const [width, height] of [[1280, 800], [1024, 600], [390, 844], [360, 640], [844, 390], [640, 360]]) {
+  await page.setViewportSize({ width, height });
+  await page.waitForTimeout(300);
+  assert.equal(await page.locator("#more").isVisible(), await dotted(), `More at ${width} x ${height}`);
+  if (!await dotted()) continue;
+  dottedAt += 1;
+  await page.click("#more");
+  await until(`the whole notice at ${width} x ${height}`, async () => !await dotted(), 5);
+  assert.equal(await text("#more"), "Less");
+  await page.screenshot({ path: `${pictures}/cut-warned-more-${width}.png` });
+  await page.click("#more");
+  await until(`the notice is short again at ${width} x ${height}`, dotted, 5);
+}
+assert(dottedAt > 0, "no size at which the notice is cut");
+await page.setViewportSize(SIZES.desk);
 await picture("cut-warned");
 await load({ name: "A good line", effect: [spring], simulate: {} });
 await page.evaluate(() => { window.cuts = false; });
@@ -1187,7 +1218,7 @@ await until("rest", async () => /^0\.00 .*rad/m.test(await text("#meters")));
 await page.keyboard.press("Escape");
 await until("a stop at rest", async () => (await text("#keys")) === "stopped, 0.00 N m");
 assert.deepEqual(await next(), ["recover"]);
-await page.evaluate(() => { window.spins = true; });
+await page.evaluate(() => { window.spins = 3; });
 await until("why Recover waits", async () => (await text("#distance")) === "Recover when the sphere rests");
 assert.equal(await text("#keys"), "torque off, still turns");
 assert(await page.locator("#recover").isDisabled(), "torque for a sphere that spins");
@@ -1209,6 +1240,8 @@ await until("a word for amber", async () => await page.locator("#chip").textCont
 await page.evaluate(() => { window.shakes = window.cuts = true; });
 await shows("#details", "spring shook the sphere at 10 Hz.");
 assert(await alarm());
+// The figure is that of the sentence.
+assert.match(await text("#now"), /^10\s*Hz\s*shaking frequency$/);
 const cures = await Promise.all([text("#details p:first-child"), text("#warnings strong")]);
 assert.match(cures[0], /^Set stiffness = /, "what to do comes first");
 assert.equal(cures[0], cures[1], "two instructions");
@@ -1246,6 +1279,14 @@ await shows("#details", "The sphere must slow down before Reset: 31.00 rad/s");
 assert(!(await text("#box")).includes("still turns"), "two speeds");
 await page.evaluate(() => { window.fast = false; });
 await shows("#details", "To go on: Reset, then Enable.");
+// Reset is the next step once the sphere rests, and works before.
+const leads = (what, id) => until(what, async () => (await next()).join() === id, 5);
+await leads("Reset at rest", "reset");
+await page.evaluate(() => { window.spins = 1; });
+await leads("no next step while the sphere turns", "");
+assert(await page.locator("#reset").isEnabled(), "the server resets it");
+await page.evaluate(() => { window.spins = false; });
+await leads("Reset at rest again", "reset");
 
 // Without an answer of a real rig, its power is what counts.
 await load({ name: "A good line", effect: [spring], simulate: {} });

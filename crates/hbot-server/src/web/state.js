@@ -231,7 +231,7 @@ const kept = document.createElement('div');
 kept.id = 'kept';
 $('box').append(kept);
 
-/** Shows all of a text that is too long even there. */
+/** Shows all of a text that is too long even there, or of a notice that is. */
 const more = Object.assign(document.createElement('button'), { id: 'more', type: 'button', hidden: true });
 more.onclick = () => {
   $('box').classList.toggle('whole');
@@ -252,22 +252,25 @@ function wholeLines(element) {
 function fit() {
   const [box, text, told] = ['box', 'details', 'told'].map($);
   const scrolls = () => [box, text].some((it) => it.scrollHeight > it.clientHeight);
+  const cut = () => notice.scrollHeight > notice.clientHeight + 1 || notice.scrollWidth > notice.clientWidth;
   const whole = box.classList.contains('whole');
   box.classList.remove('long', 'whole');
   more.hidden = true;
   $('meters').prepend(...KEPT.map(({ row }) => row));
   told.style.marginTop = text.style.maxHeight = '';
-  const long = scrolls();
+  // It takes room of the text.
+  more.hidden = !cut();
+  const long = scrolls() || (whole && !more.hidden);
   box.classList.toggle('long', long);
-  if (!long) return;
-  kept.prepend(...KEPT.map(({ row }) => row));
-  if (scrolls()) {
-    more.hidden = false;
+  if (long) kept.prepend(...KEPT.map(({ row }) => row));
+  more.hidden = !scrolls() && !cut();
+  if (!more.hidden) {
     more.setAttribute('aria-expanded', String(whole));
     put(more, whole ? 'Less' : 'More');
     box.classList.toggle('whole', whole);
-    if (!whole) text.style.maxHeight = `${wholeLines(text)}px`;
+    if (long && !whole) text.style.maxHeight = `${wholeLines(text)}px`;
   }
+  if (!long) return;
   // A still longer one pushes the messages down.
   const over = box.getBoundingClientRect().bottom - told.getBoundingClientRect().top;
   if (told.parentElement.id === 'left' && over > 0) told.style.marginTop = `${Math.ceil(over)}px`;
@@ -300,10 +303,12 @@ function mood(rig) {
 const figures = ['b', 'span', 'small'].map((tag) => document.createElement(tag));
 $('now').append(...figures);
 
-/** Writes the present torque. No other number may stand in its place. */
+/** Writes the present torque, or the frequency that the box tells of a sphere that shakes. No other number may stand in its place. */
 function showNow(rig) {
   const limit = rig.info?.limits.torque;
-  const words = rig.isLive ? [rig.told, 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`] : ['', '', ''];
+  const words = !rig.isLive ? ['', '', '']
+    : rig.isCertain && rig.shakes ? [rig.shaking.frequency.toFixed(0), 'Hz', 'shaking frequency']
+      : [rig.told, 'N m', `torque${limit > 0 ? `, limit ${limit.toFixed(2)}` : ''}`];
   words.forEach((word, k) => put(figures[k], word));
 }
 
@@ -410,8 +415,9 @@ function orders(rig) {
   const recovers = rig.commands && stopped && !rig.isFast && !rig.isFar && !rig.stopper;
   const waits = recovers && spins(rig);
   $('recover').disabled = !recovers || waits;
-  // Only the next step stands out. While the sphere is too far, the box says another one.
-  const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && recovers ? 'recover' : 'reset';
+  // Only the next step stands out. While the sphere is too far, the box says another one, and while it turns, one waits.
+  const next = !$('enable').disabled ? rig.isFar ? '' : 'enable' : mode !== 'fault' && recovers ? 'recover'
+    : rig.fastest > TURNS ? '' : 'reset';
   for (const id of ['enable', 'reset', 'recover']) $(id).classList.toggle('next', id === next && !$(id).disabled);
   for (const id of ['enable', 'disable', 'reset']) $(id).title = $(id).disabled ? why(rig, id) : $(id).dataset.does;
   $('recover').title = waits ? RESTS : recovers ? $('recover').dataset.does : rig.stopper ? `Stopped by ${rig.name(rig.stopper)}: press Reset, then Enable`
