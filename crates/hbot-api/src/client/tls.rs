@@ -149,17 +149,18 @@ fn mistrust(reason: &CertificateError) -> String {
         | Reason::NotValidYetContext { .. } => format!(
             "{reason}; renew it, set this machine's clock, or name the server's own certificate, whose dates are not looked at"
         ),
-        // A self-signed certificate is reported as `Other`, as are all other reasons an authority
-        // refuses one.
         other => {
             let reason = match other {
                 Reason::Other(other) => other.to_string(),
                 other => other.to_string(),
             };
-            format!(
-                "it is neither in the file named nor signed by an authority in it ({reason}); name the server's own, or the \
-                 authority's that signed it"
-            )
+            // The latter is a self-signed certificate.
+            let why = if *other == Reason::UnknownIssuer || reason == "CaUsedAsEndEntity" {
+                "it is not in the file named, and no authority in that file has signed it".to_owned()
+            } else {
+                format!("the check by an authority failed ({reason})")
+            };
+            format!("{why}; copy the server's certificate from the rig PC, and name that file")
         }
     }
 }

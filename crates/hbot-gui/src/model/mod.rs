@@ -47,7 +47,7 @@ use sample::quaternion;
 const SILENT_AFTER: Duration = Duration::from_millis(1500);
 
 /// What follows from a stop of a simulated rig that is not confirmed.
-const NO_MOTORS: &str = "the rig is simulated and has no motors";
+const NO_MOTORS: &str = "The rig is simulated and has no motors";
 
 /// The end of the message about a client that has taken over.
 const TAKEN: &str = " has taken over command";
@@ -436,8 +436,8 @@ impl Model {
             || PendingStop::new(server, self.state.as_ref().filter(|_| server == self.server)),
             |index| self.stops.remove(index),
         );
-        let advice = if self.is_of_simulated(&stop) { NO_MOTORS } else { "cut the motors' power" };
-        self.messages.add_told(Weight::Bad, format!("{why}: {advice}"));
+        let advice = if self.is_of_simulated(&stop) { NO_MOTORS } else { "Cut the motors' power" };
+        self.messages.add_told(Weight::Bad, format!("{why}. {advice}"));
         stop.fail(why);
         self.stops.push(stop);
     }

@@ -49,7 +49,7 @@ pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mail
             }
             Err(error) => {
                 let absent = matches!(error, ClientError::NoServer { .. });
-                Over::Lost { why: in_words(&error), absent }
+                Over::Lost { why: advised(&error), absent }
             }
         };
         match over {
@@ -77,15 +77,26 @@ pub(super) fn connect(options: &PanelOptions) -> Result<Client, ClientError> {
     Client::connect_with(&options.server, &connect)
 }
 
-/// Explains why there is no connection. The explanation of an encryption error names the command
-/// line option for the certificate. How to start a server is not a part of it: the middle of the
+/// Explains an error to a person. How to start a server is not a part of it: the middle of the
 /// window says so, and the explanation also appears where a rig may not have stopped.
 pub(super) fn in_words(error: &ClientError) -> String {
     match error {
-        ClientError::Tls(_) => format!("hbot-gui --ca FILE names whom to trust: {error}"),
+        ClientError::Tls(_) => format!("{error} (hbot-gui --ca FILE)"),
+        ClientError::Timeout { after, .. } => format!("no answer within {} s", after.as_secs_f64()),
         ClientError::Server(body) => body.reason().to_owned(),
         ClientError::NoServer { .. } => "nobody listens there: connection refused".to_owned(),
         _ => error.to_string(),
+    }
+}
+
+/// Explains an error, and says what to do about a server that does not answer.
+fn advised(error: &ClientError) -> String {
+    match error {
+        ClientError::Timeout { after, .. } => format!(
+            "the server has not answered within {} s; look whether it runs, and whether the network reaches it",
+            after.as_secs_f64()
+        ),
+        _ => in_words(error),
     }
 }
 
@@ -157,7 +168,7 @@ impl<'a> Session<'a> {
 
     fn run(mut self) -> Over {
         let over = self.begin().and_then(|()| self.serve());
-        over.unwrap_or_else(|error| Over::Lost { why: error.to_string(), absent: false })
+        over.unwrap_or_else(|error| Over::Lost { why: advised(&error), absent: false })
     }
 
     fn begin(&mut self) -> Result<(), ClientError> {
@@ -197,7 +208,10 @@ impl<'a> Session<'a> {
     /// only if the connection is no longer usable.
     fn carry_out(&mut self, intent: Intent) -> Result<(), ClientError> {
         let result = self.ask(&intent);
-        let told = result.as_ref().copied().map_err(ToString::to_string);
+        let told = result.as_ref().copied().map_err(|error| match error {
+            ClientError::Server(_) => error.to_string(),
+            _ => advised(error),
+        });
         self.mailbox.post(answer(intent, told, &self.options.server));
         result.or_else(survivable)
     }
@@ -371,5 +385,13 @@ mod tests {
     fn an_absent_server_is_told_without_advice_that_is_out_of_place_at_a_rig_that_may_push() {
         let error = ClientError::NoServer { address: "rig:4268".to_owned() };
         assert_eq!(in_words(&error), "nobody listens there: connection refused");
+    }
+
+    #[test]
+    fn a_server_that_does_not_answer_is_told_without_the_names_of_messages() {
+        let error = ClientError::Timeout { what: "hello", after: ANSWER_TIMEOUT };
+        assert_eq!(in_words(&error), "no answer within 2 s");
+        let advice = "the server has not answered within 2 s; look whether it runs, and whether the network reaches it";
+        assert_eq!(advised(&error), advice);
     }
 }
