@@ -1,7 +1,7 @@
 //! The bar at the top of the window: whether the rig is simulated, the connection, and who holds
 //! the lease.
 
-use eframe::egui::{self, Button, RichText, TextEdit, Ui, vec2};
+use eframe::egui::{self, Button, RichText, TextEdit, TextStyle, Ui, vec2};
 
 use super::Desk;
 use super::stop::has_keys;
@@ -108,10 +108,19 @@ fn lease(ui: &mut Ui, model: &Model, palette: Palette, desk: &mut Desk, intents:
             let takes = if model.observes { "" } else { ": a change takes command" };
             (format!("nobody commands{takes}"), color)
         }
-        Lease::Unknown => ("watching".to_owned(), ui.visuals().text_color()),
-        Lease::Other(holder) => (format!("you observe, {} commands", model.other(holder)), palette.warn),
+        Lease::Unknown => ("not known yet who commands".to_owned(), ui.visuals().text_color()),
+        Lease::Other(holder) => {
+            let who = format!("{} commands", model.other(holder));
+            let long = format!("you observe, {who}");
+            let font = TextStyle::Body.resolve(ui.style());
+            let width = ui.painter().layout_no_wrap(long.clone(), font, palette.warn).size().x;
+            // A long name comes before what the buttons say too.
+            (if width <= ui.available_width() { long } else { who }, palette.warn)
+        }
     };
-    let who = |ui: &mut Ui, color| ui.add(egui::Label::new(RichText::new(text).color(color)).truncate());
+    let who = |ui: &mut Ui, color| {
+        ui.add(egui::Label::new(RichText::new(&text).color(color)).truncate()).on_hover_text(&text)
+    };
     if model.is_certain() {
         who(ui, color);
     } else {

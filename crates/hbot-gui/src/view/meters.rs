@@ -14,6 +14,8 @@ const METERS: [(&str, &str); 4] = [
     ("Slip", "how fast a wheel slides on the sphere / the rig's limit. mm/s: millimetres per second"),
     ("Saturation", "part of the scene's torque that the rig's limits cut off"),
 ];
+/// Width of the longest figures beside a bar, such as `12.34 / 30 rad/s`, points.
+const FIGURES: f32 = 104.0;
 const TORQUE: &str =
     "of the sphere / the rig's limit. N m: newton metre, the torque of 1 N on a lever of 1 m";
 /// The figures of the torque have the digits that its largest value in this time needs, s.
@@ -37,13 +39,13 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
             let slip = format!("{:.1} / {:.0} mm/s", 1e3 * state.slip, 1e3 * limits.slip);
             // Whatever the limits cut, the scene does not feel as it is meant.
             let (lost, cut) = if lost > 0.0005 {
-                (lost, format!("{} cut by limits", percent(lost).replace("over ", "> ")))
+                (lost, format!("{} cut", percent(lost).replace("over ", "> ")))
             } else {
                 (0.0, "none".to_owned())
             };
             [
                 speed(DVec3::from(state.omega).length(), model, palette),
-                load(state.traction, format!("{:.0} % of friction", 100.0 * state.traction)),
+                load(state.traction, format!("{:.0} %", 100.0 * state.traction)),
                 load(share(state.slip, limits.slip), slip),
                 (lost, palette.torque, cut),
             ]
@@ -56,7 +58,7 @@ pub(super) fn show(ui: &mut Ui, model: &Model, palette: Palette) {
     if !is_low(ui) {
         let lead = state.map(|state| state.timing.lead_us).filter(|lead| *lead > 0.0);
         let text = lead.map_or(" ".to_owned(), |lead| format!("rendered {:.2} ms ahead", 1.0e-3 * lead));
-        let line = ui.label(RichText::new(text).size(12.0).color(palette.weak));
+        let line = ui.label(RichText::new(text).size(13.0).color(palette.weak));
         if lead.is_some() {
             line.on_hover_text(LEAD);
         }
@@ -127,8 +129,9 @@ fn share(value: f64, limit: f64) -> f64 {
 /// `share` is the length of the bar: 1 means that a limit is reached.
 fn meter(ui: &mut Ui, palette: Palette, (name, hint): (&str, &str), value: (f64, Color32, String)) {
     ui.horizontal(|ui| {
-        column(ui, 70.0, name).on_hover_text(hint);
-        bar(ui, palette, name, (ui.available_width() - 126.0).max(24.0), &value);
+        ui.spacing_mut().item_spacing.x = 6.0;
+        column(ui, 66.0, name).on_hover_text(hint);
+        bar(ui, palette, name, (ui.available_width() - FIGURES).max(24.0), &value);
         // A long text does not widen the column, because the sliders would move.
         ui.add(egui::Label::new(RichText::new(value.2).size(12.0)).truncate());
     });

@@ -47,6 +47,9 @@ use theme::{Palette, coloured, weak, wrapped};
 /// Height of the line for a new message, points.
 const MESSAGE: f32 = 26.0;
 
+/// Opacity of what is drawn and may be old.
+const FADED: f32 = 0.5;
+
 /// Height of the tape below the bar of a real rig, points. The parts below it begin lower.
 const TAPE: f32 = 4.0;
 
@@ -239,7 +242,7 @@ fn curves(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<Act>) {
 /// Greys out what is drawn in `ui` from now on, unless it shows what the rig does now.
 fn faded_unless_live(ui: &mut Ui, model: &Model) {
     if !model.is_fresh() {
-        ui.multiply_opacity(ui.visuals().disabled_alpha());
+        ui.multiply_opacity(FADED);
     }
 }
 

@@ -15,6 +15,8 @@ pub(super) struct Text {
     pub(super) text: String,
     pub(super) color: Color32,
     pub(super) place: Rect,
+    /// The size of its smallest letters, points.
+    pub(super) size: f32,
     /// The part of the window in which the text is visible.
     clip: Rect,
     /// Whether the text is too long for its place and ends in dots.
@@ -121,6 +123,7 @@ fn text(shape: &TextShape, clip: Rect) -> Text {
         text: shape.galley.text().to_owned(),
         color: shape.override_text_color.or(of_glyph).unwrap_or(shape.fallback_color),
         place: shape.galley.rect.translate(shape.pos.to_vec2()),
+        size: shape.galley.job.sections.iter().map(|part| part.format.font_id.size).fold(f32::MAX, f32::min),
         clip,
         shortened: shape.galley.elided,
     }

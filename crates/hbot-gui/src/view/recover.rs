@@ -6,7 +6,7 @@ use eframe::egui::{Button, RichText, TextStyle, Ui, Vec2, vec2};
 use hbot_api::Mode;
 use hbot_core::render::effects::Anchor;
 
-use super::state::{is_low, spins, too_fast};
+use super::state::{is_low, spins, too_fast, turns};
 use super::theme::{Palette, coloured, leading, press, weak};
 use crate::model::sample::quaternion;
 use crate::model::{Model, has_torque};
@@ -125,10 +125,11 @@ pub(crate) fn way_on(model: &Model) -> String {
 /// fault it is the one that the remedy names.
 pub(crate) fn next_step(model: &Model) -> Option<&'static str> {
     let far = matches!(Distance::of(model), Distance::Far(_));
+    // While the sphere turns, `Reset` works, but waiting is better.
     match model.mode()? {
         _ if !model.may_command() || spins(model) => None,
-        Mode::Fault => too_fast(model).is_none().then_some("Reset"),
-        Mode::Estop if model.other_stopper().is_some() => Some("Reset"),
+        Mode::Fault => (!turns(model)).then_some("Reset"),
+        Mode::Estop if model.other_stopper().is_some() => (!turns(model)).then_some("Reset"),
         Mode::Estop => (!far).then_some("Recover"),
         Mode::Idle => (!far).then_some("Enable"),
         _ => None,

@@ -13,7 +13,7 @@ use super::theme::{Palette, STOP, bold, coloured, sized, stripes, wrapped};
 use crate::model::{Headline, Model, has_torque};
 use crate::net::{Intent, Lease};
 pub(super) use details::remedy;
-use details::{details, strong, tenths};
+use details::{details, left_faults, strong, tenths};
 
 /// Height of the text in the box with the mode, in a low and in a tall window, points.
 const STATUS: [f32; 2] = [114.0, 180.0];
@@ -28,7 +28,7 @@ const SINCE: f32 = 24.0;
 /// The ground of the box without torque, dark in both themes: a stop is calm.
 const CALM: Color32 = Color32::from_rgb(0x34, 0x3b, 0x44);
 /// Size of the text in the box of a low window, points.
-const SMALL: f32 = 12.0;
+const SMALL: f32 = 13.0;
 /// Size of what to do first, in the box, points.
 const LARGE: f32 = 15.0;
 /// A speed is judged by its largest value in this time, so that what is said does not flicker, s.
@@ -39,13 +39,15 @@ pub(super) const TURNS: f64 = 0.1;
 const SPINS: f64 = 2.0;
 /// What the headline of a sphere that shakes says beside the mode.
 const SHAKES: &str = ": shakes";
+/// What that of a rig that has just left a fault says.
+const LEFT: &str = ": after a fault";
 /// What that of a scene that may shake says.
 const WARNING: &str = ": warning";
 /// A part of the torque below this is not told in the box when the limits cut it.
 const LEAST_CUT: f64 = 0.01;
 /// Height of the bars in a low and in a tall window, points. A fault takes their place, so that its
 /// explanation and remedy can be read without scrolling; in a low window, all that is wrong does.
-const BARS: [f32; 2] = [70.0, 108.0];
+const BARS: [f32; 2] = [70.0, 109.0];
 /// A window of at least this height is tall, points.
 pub(super) const TALL: f32 = 720.0;
 /// What to do about torque that the limits cut.
@@ -184,6 +186,7 @@ fn mood(
         Headline::Mode(mode) if !has_torque(mode) => None,
         Headline::Mode(_) if model.shaking.is_some() => Some((SHAKES, palette.warn)),
         Headline::Mode(_) if warnings.iter().any(|it| it.shakes) => Some((WARNING, palette.warn)),
+        Headline::Mode(_) if left_faults(model).is_some() => Some((LEFT, palette.warn)),
         // These are no warnings: nothing has to be done about them.
         Headline::Mode(_) if model.is_at_limit() => Some((": at limit", palette.torque)),
         Headline::Mode(_) if cut(model, headline).is_some() => Some((": reduced", palette.torque)),
@@ -259,6 +262,11 @@ fn strain(model: &Model, headline: Headline) -> Option<String> {
         }
         _ => None,
     }
+}
+
+/// Returns whether the sphere turns, or just did.
+pub(super) fn turns(model: &Model) -> bool {
+    model.history.fastest(RECENT_S) > TURNS
 }
 
 /// Returns whether the sphere turns so fast without torque that torque must wait.

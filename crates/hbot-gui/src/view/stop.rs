@@ -10,7 +10,7 @@ use crate::model::Model;
 use crate::net::Intent;
 
 /// Size of the text below the stop button, and of the second line in it, points.
-const KEYS: f32 = 12.0;
+const KEYS: f32 = 13.0;
 const REACH: f32 = 14.0;
 /// Width of the striped edge of a button that may reach nobody, points.
 const EDGE: f32 = 5.0;
@@ -78,7 +78,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, intents: &mut Vec<Intent>) {
     } else if has_keys(ui) {
         ("Esc or Space, anywhere in this window", Color32::TRANSPARENT, palette.weak)
     } else {
-        ("Esc and Space are off: click in this window", palette.warn, ui.visuals().panel_fill)
+        ("Esc and Space are off: click here", palette.warn, ui.visuals().panel_fill)
     };
     // In one line also in a narrow window, and as high in all states, so that nothing moves.
     let (rect, label) = ui.allocate_exact_size(vec2(ui.available_width(), 18.0), Sense::hover());

@@ -113,6 +113,8 @@ pub(crate) fn install(ctx: &egui::Context) {
             let palette = Palette::of_theme(theme == egui::Theme::Dark, Color32::GRAY);
             style.visuals.override_text_color = Some(palette.text);
             style.visuals.weak_text_alpha = weak_text_alpha;
+            // An observer reads what is locked: also weak text has a contrast of 4.5.
+            style.visuals.disabled_alpha = 0.8;
             let widgets = &mut style.visuals.widgets;
             for widget in [&mut widgets.inactive, &mut widgets.open] {
                 widget.bg_stroke = egui::Stroke::new(1.0, palette.rim);

@@ -84,7 +84,7 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, intents: &mut Ve
         } else {
             "drag to turn the view, double click to turn it back"
         };
-        draw.painter.text(at, Align2::RIGHT_BOTTOM, hint, FontId::proportional(12.0), palette.weak);
+        draw.painter.text(at, Align2::RIGHT_BOTTOM, hint, FontId::proportional(13.0), palette.weak);
     }
 }
 

@@ -8,7 +8,7 @@ use hbot_api::{Fault, FaultEvent, Mode, ShakingEvent, StateEvent};
 use hbot_config::advice::Warning;
 
 use super::{LARGE, MOOD, SMALL, TURNS, is_low, strain, too_fast};
-use crate::model::{Headline, Model, Refusal, has_torque};
+use crate::model::{Headline, Mark, Model, Refusal, has_torque};
 use crate::net::Lease;
 use crate::view::recover;
 use crate::view::stop::has_keys;
@@ -22,6 +22,8 @@ const RISES: &str = "The torque rises: the sphere will push.";
 const FREE: &str = "Nobody commands. The sphere pushes on; STOP and Disable work.";
 /// What to do about a sphere that shakes, if its scene has no remedy.
 const LESS: &str = "Lower the stiffness or raise the damping.";
+/// The box tells a fault that the rig has left for so long, s.
+const LEFT_S: f64 = 10.0;
 /// Size of the order of a stop that is not confirmed, points.
 const ORDER: f32 = 20.0;
 
@@ -38,7 +40,8 @@ pub(super) fn details(
         (Headline::NotStopped, _) => not_stopped(ui, model),
         (Headline::NoContact, _) => no_contact(ui, model),
         (Headline::Mode(Mode::Fault), Some(state)) => {
-            fault(ui, model, state, room, palette);
+            let warning = warnings.first().map_or(0.0, |first| height(ui, &first.to_string()));
+            fault(ui, model, state, room - warning, palette);
             return warned(ui, (warnings, room), palette, None);
         }
         (Headline::Mode(Mode::Estop), _) => {
@@ -84,6 +87,9 @@ pub(super) fn details(
                     }
                     _ => drop(weak(ui, mode.sentence())),
                 }
+            }
+            if let Some(text) = left_faults(model) {
+                coloured(ui, palette.warn, text);
             }
             return warned(ui, (warnings, room), palette, cured.as_deref());
         }
@@ -239,16 +245,41 @@ fn fault(ui: &mut Ui, model: &Model, state: &StateEvent, room: f32, palette: Pal
     let take = recover::must_press(model).map(|take| format!("{take}, ")).unwrap_or_default();
     let go_on = format!("To go on: {take}Reset, then Enable.");
     let cure = cure_of(fault, told);
-    // Of a simulated rig, nothing has to be mended before, but it must rest.
+    // Of a simulated rig, nothing has to be mended before, but it must rest. Advice stands apart.
     let is_ready = model.is_simulated() && too_fast(model).is_none();
-    wrapped(ui, if is_ready { format!("{go_on} {cure}") } else { format!("{cure} {go_on}") });
+    let (first, advice) = if is_ready { ("", cure.as_str()) } else { first_sentence(&cure) };
+    let way = wrapped(ui, format!("{first} {go_on}").trim_start());
+    // A line that is cut says nothing. The list of messages has what was found too.
+    let fits = |ui: &Ui, text: &str| height(ui, text) <= room - ui.min_rect().height();
+    if !advice.is_empty() && fits(ui, advice) {
+        weak(ui, advice);
+    } else if !advice.is_empty() {
+        way.on_hover_text(advice);
+    }
     // What was found comes last, because it can be long.
     let found = told.and_then(|told| Some(format!("{fault}: {}", told.found.as_deref()?).replace('`', "")));
-    // A line that is cut says nothing. The list of messages has it too.
     let text = found.as_deref().unwrap_or(fault.as_str());
-    if height(ui, text) <= room - ui.min_rect().height() {
+    if fits(ui, text) {
         weak(ui, text);
     }
+}
+
+/// Returns the first sentence of a text, and the rest.
+fn first_sentence(text: &str) -> (&str, &str) {
+    text.find(". ").map_or((text, ""), |end| (&text[..=end], &text[end + 2..]))
+}
+
+/// Tells the faults of the last moments that the rig has left, which the plots mark too.
+pub(super) fn left_faults(model: &Model) -> Option<String> {
+    let now = model.state.as_ref()?.t;
+    let known = |mark: &Mark| Some((mark.t, Fault::ALL.into_iter().find(|it| it.as_str() == mark.text)?));
+    let faults: Vec<_> = model.marks.between(now - LEFT_S, now).filter_map(known).collect();
+    let (t, fault) = faults.last()?;
+    let many = match faults.len() {
+        1 => "Fault".to_owned(),
+        many => format!("{many} faults in {LEFT_S} s, the last"),
+    };
+    Some(format!("{many} {:.0} s ago: {fault}. {}", (now - t).floor(), fault.words().0))
 }
 
 /// Returns the height of a text that takes several lines.

@@ -242,7 +242,7 @@ fn what_the_limits_cut_does_not_widen_the_column() {
         settle(&mut seen);
         assert_eq!(seen.get_by_label("Stiffness").rect(), before, "{size:?}");
         assert!(shows(&seen, "ACTIVE: reduced"), "{size:?}");
-        let told = texts(&seen).into_iter().find(|it| it.text == "> 99 % cut by limits");
+        let told = texts(&seen).into_iter().find(|it| it.text == "> 99 % cut");
         assert!(told.is_some_and(|it| it.is_whole()), "{size:?}");
     }
 }
