@@ -89,6 +89,9 @@ impl Palette {
     }
 }
 
+/// Opacity of a button that cannot be pressed. Its text is not weak.
+const LOCKED: f32 = 0.65;
+
 /// Name of the family of text that nobody may miss. What it lacks comes from the usual fonts.
 const BOLD: &str = "bold";
 
@@ -144,9 +147,13 @@ pub(crate) fn leading<'a>(ui: &Ui, text: &str) -> egui::Button<'a> {
     egui::Button::new(text).fill(Palette::of(ui).text)
 }
 
-/// Draws a button. One that cannot be pressed is hollow.
+/// Draws a button. One that cannot be pressed is hollow, and greyer than what is only locked.
 pub(crate) fn press(ui: &mut Ui, enabled: bool, button: egui::Button<'_>) -> Response {
-    ui.add_enabled(enabled, if enabled { button } else { button.fill(Color32::TRANSPARENT) })
+    let alpha = ui.visuals().disabled_alpha;
+    ui.visuals_mut().disabled_alpha = LOCKED;
+    let response = ui.add_enabled(enabled, if enabled { button } else { button.fill(Color32::TRANSPARENT) });
+    ui.visuals_mut().disabled_alpha = alpha;
+    response
 }
 
 /// Gives a control a name, which screen readers and tests use.

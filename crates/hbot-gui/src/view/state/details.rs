@@ -88,8 +88,11 @@ pub(super) fn details(
                     _ => drop(weak(ui, mode.sentence())),
                 }
             }
-            if let Some(text) = left_faults(model) {
-                coloured(ui, palette.warn, text);
+            if let Some([text, why]) = left_faults(model) {
+                // A line that is cut says nothing.
+                let full = format!("{text}. {why}");
+                let in_full = height(ui, &full) <= room - ui.min_rect().height();
+                coloured(ui, palette.warn, if in_full { full } else { text }).on_hover_text(why);
             }
             return warned(ui, (warnings, room), palette, cured.as_deref());
         }
@@ -269,8 +272,9 @@ fn first_sentence(text: &str) -> (&str, &str) {
     text.find(". ").map_or((text, ""), |end| (&text[..=end], &text[end + 2..]))
 }
 
-/// Tells the faults of the last moments that the rig has left, which the plots mark too.
-pub(super) fn left_faults(model: &Model) -> Option<String> {
+/// Tells the faults of the last moments that the rig has left, which the plots mark too, and what
+/// the last one was.
+pub(super) fn left_faults(model: &Model) -> Option<[String; 2]> {
     let now = model.state.as_ref()?.t;
     let known = |mark: &Mark| Some((mark.t, Fault::ALL.into_iter().find(|it| it.as_str() == mark.text)?));
     let faults: Vec<_> = model.marks.between(now - LEFT_S, now).filter_map(known).collect();
@@ -279,7 +283,7 @@ pub(super) fn left_faults(model: &Model) -> Option<String> {
         1 => "Fault".to_owned(),
         many => format!("{many} faults in {LEFT_S} s, the last"),
     };
-    Some(format!("{many} {:.0} s ago: {fault}. {}", (now - t).floor(), fault.words().0))
+    Some([format!("{many} {:.0} s ago: {fault}", (now - t).floor()), fault.words().0.to_owned()])
 }
 
 /// Returns the height of a text that takes several lines.
