@@ -39,7 +39,7 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     };
     // Only a stop that is not confirmed leaves something to do.
     let (confirms, waits) = std::sync::mpsc::channel::<()>();
-    std::thread::spawn(move || {
+    let waiting = std::thread::spawn(move || {
         if waits.recv_timeout(ANSWER) == Err(RecvTimeoutError::Timeout) {
             note!("NOT STOPPED yet: no answer within {} s. Cut the motors' power.", ANSWER.as_secs());
         }
@@ -51,6 +51,7 @@ pub(crate) fn estop(address: &ServerAddress) -> anyhow::Result<ExitCode> {
         })
     });
     drop(confirms);
+    let _ = waiting.join();
     let mode = confirmed.map_err(|error| {
         anyhow::anyhow!(
             "NOT STOPPED: the server at {} has not confirmed the stop ({error:#}{unread}). Cut the motors' power.",
@@ -80,8 +81,8 @@ pub(crate) fn estop_first(answer: &clap::Error, arguments: &[OsString]) -> anyho
     )))
 }
 
-/// Takes the torque away, waits until it is zero, and prints the mode that follows. The time of a rig
-/// that waits for `advance` stands still.
+/// Takes the torque away, waits until it is zero, and prints the mode that follows. The time of a
+/// rig that waits for `advance` stands still.
 pub(crate) fn disable(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     let is_on = |mode| matches!(mode, Mode::Enabling | Mode::Active);
     let until = Instant::now() + OFF;

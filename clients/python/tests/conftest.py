@@ -37,12 +37,20 @@ def server(shared_server: Server) -> Server:
 
 
 @pytest.fixture(scope="session")
-def virtual_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+def _virtual_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """Start one server in virtual time, 1000 ticks a second, for the tests that let it pass."""
     folder = tmp_path_factory.mktemp("virtual")
     server = Server(folder, rate_hz=1000, options=["--time", "virtual"])
     yield server
     server.kill()
+
+
+@pytest.fixture
+def virtual_server(_virtual_server: Server) -> Iterator[Server]:
+    """Return the server in virtual time. Between tests, when nobody stops its time, it sleeps."""
+    _virtual_server.process.send_signal(signal.SIGCONT)
+    yield _virtual_server
+    _virtual_server.process.send_signal(signal.SIGSTOP)
 
 
 @pytest.fixture
