@@ -19,6 +19,7 @@ fn main() -> ExitCode {
     };
     done.unwrap_or_else(|error| {
         cli::out::error(&error);
+        cli::orders::warn_of_torque(&error);
         cli::out::code(&error)
     })
 }

@@ -11,7 +11,7 @@ pub(crate) mod habits;
 mod hand;
 mod man;
 mod numbers;
-mod orders;
+pub(crate) mod orders;
 pub(crate) mod out;
 mod progress;
 mod record;

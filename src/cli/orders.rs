@@ -277,6 +277,16 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
     anyhow::anyhow!("{said}: {remedy}")
 }
 
+/// Says what to do about motors whose server does not answer any more, if that is the `error`.
+pub(crate) fn warn_of_torque(error: &anyhow::Error) {
+    let is_lost = |error: &ClientError| {
+        matches!(error, ClientError::Closed | ClientError::Io(_) | ClientError::NoState { .. })
+    };
+    if error.chain().filter_map(|source| source.downcast_ref()).any(is_lost) {
+        note!("If the sphere still pushes, cut the motors' power.");
+    }
+}
+
 /// Where the ids of the effects are found.
 pub(crate) const SHOW_SCENE: &str = "`hbot scene show` prints the running scene";
 /// Beginning of the name that a panel gives to the server.

@@ -106,7 +106,7 @@ fn still_there(cause: Cause, sample: &Sample, rig: &Rig, simulated: bool) -> Str
         ),
     };
     let remedy = if simulated {
-        "If it spins on freely, load a scene whose hand holds the sphere: `hand = {}` in its table [simulate]"
+        "If it spins on freely, let a hand hold it: `hbot scene load spring --ideal`, or a scene with `hand = {}` in [simulate]"
     } else {
         "Stop the sphere first"
     };
@@ -151,7 +151,7 @@ mod tests {
         let fast = told(Cause::Overspeed, 45.25, true);
         assert!(fast.contains("fault overspeed is still there: the sphere turns at 45.250 rad/s"), "{fast}");
         assert!(fast.contains(&format!("the limit is {} (limits.speed)", rig.limits.speed)), "{fast}");
-        assert!(fast.ends_with("whose hand holds the sphere: `hand = {}` in its table [simulate]"), "{fast}");
+        assert!(fast.ends_with("let a hand hold it: `hbot scene load spring --ideal`, or a scene with `hand = {}` in [simulate]"), "{fast}");
         let real = told(Cause::Overspeed, 45.25, false);
         assert!(real.ends_with("Stop the sphere first") && !real.contains("scene"), "{real}");
         assert!(told(Cause::Overspeed, 0.0, false).contains("by its encoders' counts"));

@@ -66,8 +66,7 @@ pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> Ex
 
 const UNBROKEN: &str = "The rig is simulated and nothing is broken.";
 /// What to do about a simulated sphere that is too fast and that nobody can hold.
-const HELD: &str =
-    "If it spins on freely, load a scene whose hand holds it: `hand = {}` in its table [simulate].";
+const HELD: &str = "If it spins on freely, let a hand hold it: `hbot scene load spring --ideal`, or a scene with `hand = {}` in [simulate].";
 
 fn usual(cause: Cause) -> &'static str {
     convert::fault(cause).words().1
