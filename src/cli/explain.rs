@@ -18,7 +18,7 @@ use hbot_config::{Override, RigConfig, SceneFile};
 use hbot_record::Reader;
 use hbot_record::flight::Name;
 use hbot_record::messages::hbot::State;
-use hbot_record::reader::{Item, ReadError};
+use hbot_record::reader::Item;
 use hbot_record::ticks::Ticks;
 use hbot_record::told::{Told, told};
 
@@ -312,20 +312,17 @@ fn gather(path: &Path, number: Option<u32>) -> anyhow::Result<Gathered> {
     let mut reader = Reader::new(BufReader::new(File::open(path).with_context(name)?)).with_context(name)?;
     let mut gathered = Gathered::default();
     loop {
-        match reader.next() {
-            Ok(None) => return Ok(gathered),
-            Ok(Some(Item::About(about))) => gathered.about = about,
-            Ok(Some(Item::Message { topic, data, .. })) => {
+        match reader.next().with_context(name)? {
+            None => return Ok(gathered),
+            Some(Item::About(about)) => gathered.about = about,
+            Some(Item::Message { topic, data, .. }) => {
                 if let Some(told) = told(&topic, &data) {
                     gathered.take(told, number);
                 }
             }
             // What can be read counts.
-            Ok(Some(Item::Damaged(why))) => gathered.whole.damage(why),
-            Ok(Some(Item::Cut)) => gathered.whole.cut = true,
-            Err(error @ ReadError::System(_)) => return Err(error).with_context(name),
-            // The next call returns that nothing follows.
-            Err(error) => gathered.whole.damage(error.to_string()),
+            Some(Item::Damaged(why)) => gathered.whole.damage(why),
+            Some(Item::Cut) => gathered.whole.cut = true,
         }
     }
 }

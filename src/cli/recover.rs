@@ -59,10 +59,16 @@ pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
         };
         bail!("{}: nothing can be recovered: {why}", name());
     }
-    let state = if found.cut { "had no end" } else { "has an end" };
+    let state = match (found.cut, found.ticks.damaged_after) {
+        (true, _) => "had no end",
+        (false, true) => "is damaged at its end",
+        (false, false) => "has an end",
+    };
     let (there, missing) = (found.ticks.states, found.ticks.missing());
     let (first, last) = found.ticks.range.unwrap_or_default();
-    let all = if found.cut { String::new() } else { format!(" of {}", there + missing) };
+    // How many ticks are missing before the first or after the last one is not known.
+    let open = found.cut || found.ticks.damaged_before || found.ticks.damaged_after;
+    let all = if open { String::new() } else { format!(" of {}", there + missing) };
     tell!(
         "{} {state}: {there}{all} ticks ({first:.3} to {last:.3} s) are in {}",
         args.file.display(),

@@ -11,7 +11,7 @@ use hbot_api::{Event, InfoOk, LimitsInfo, Mode, RigInfo, StateEvent};
 use hbot_config::advice::{told_limits, told_rig};
 use hbot_config::{Override, RigConfig};
 use hbot_record::Reader;
-use hbot_record::reader::{Item, ReadError};
+use hbot_record::reader::Item;
 use hbot_record::told::{self, Told};
 use serde::Deserialize;
 use serde_json::Value;
@@ -53,10 +53,10 @@ impl Recorded {
         let mut all = Self { path: path.to_owned(), every: 1, ..Self::default() };
         let mut seen = 0;
         loop {
-            match reader.next() {
-                Ok(None) => break,
-                Ok(Some(Item::About(about))) => all.about(&about),
-                Ok(Some(Item::Message { topic, data, .. })) => match told::told(&topic, &data) {
+            match reader.next().with_context(name)? {
+                None => break,
+                Some(Item::About(about)) => all.about(&about),
+                Some(Item::Message { topic, data, .. }) => match told::told(&topic, &data) {
                     Some(Told::State(state)) => {
                         all.state(told::event(&state), seen);
                         seen += 1;
@@ -70,12 +70,7 @@ impl Recorded {
                     None => {}
                 },
                 // What can be read counts.
-                Ok(Some(Item::Damaged(_) | Item::Cut)) => all.damaged = true,
-                Err(error @ ReadError::System(_)) => return Err(error).with_context(name),
-                Err(_) => {
-                    all.damaged = true;
-                    break;
-                }
+                Some(Item::Damaged(_) | Item::Cut) => all.damaged = true,
             }
         }
         if all.states.is_empty() {

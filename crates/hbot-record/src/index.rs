@@ -19,6 +19,13 @@ pub(crate) fn is_of_chunk(body: &[u8]) -> bool {
     body.get(2..6).is_some_and(|length| *length == ((body.len() - 6) as u64).to_le_bytes()[..4])
 }
 
+/// Returns whether a file has the signature at its end. A pipe has none.
+pub(crate) fn has_end(from: &mut (impl Read + Seek)) -> bool {
+    let mut end = [0; MAGIC.len()];
+    let read = from.seek(SeekFrom::End(-(end.len() as i64))).and_then(|_| from.read_exact(&mut end));
+    read.is_ok() && end == *MAGIC && from.stream_position().is_ok_and(|at| at > MAGIC.len() as u64)
+}
+
 /// Returns the topics of the channels in the index at the end of a recording. There are none if the
 /// file has no index, the index is damaged, or `from` is a pipe. The position stays as it was.
 pub(crate) fn channels(from: &mut (impl Read + Seek)) -> Result<HashMap<u16, String>, McapError> {

@@ -1,7 +1,7 @@
 //! Reads recordings, also those that are cut off or damaged.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::io::{ErrorKind, Read, Seek};
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
 use crc32fast::Hasher;
 use mcap::read::parse_record;
@@ -26,6 +26,17 @@ const MAX_CHUNK: u64 = 16 << 20;
 /// Bytes of a chunk record before its messages, without the name of the compression: two times, a
 /// length, a check code, the lengths of the name and of the compressed messages.
 const CHUNK_HEADER: usize = 8 + 8 + 8 + 4 + 4 + 8;
+
+/// Bytes of a chunk up to its check code, with its kind and its length.
+const CHUNK_HEAD: usize = 1 + 8 + 8 + 8 + 8 + 4;
+
+/// Bytes that a search for an intact chunk reads at a time.
+const BLOCK: usize = 1 << 13;
+
+/// Bytes that are read in vain for each byte of the file, beyond [`MAX_RECORD`], before the search
+/// for intact chunks ends. Without this limit, a file full of false lengths would take for ever.
+/// Chunks of hbot are compressed by far less.
+const VAIN: u64 = 32;
 
 /// A part of a recording, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,9 +67,6 @@ pub enum ReadError {
     /// The file is not an MCAP file.
     #[error("not an MCAP file")]
     Foreign,
-    /// The file is damaged outside of its chunks, so the rest cannot be read.
-    #[error("damaged: {0}")]
-    Damaged(String),
 }
 
 /// Reads a recording from its beginning to its end.
@@ -75,14 +83,19 @@ pub struct Reader<R> {
     waiting: VecDeque<Item>,
     /// Whether anything was damaged until here.
     damaged: bool,
-    /// Whether a record of a strange kind has been told of since the last chunk.
+    /// Whether a record that is strange or damaged has been told of since the last chunk.
     strange: bool,
+    /// Place of the chunk that the last search has found. `u64::MAX`: none is left.
+    intact: u64,
+    /// Number of bytes that were read in vain because of false lengths.
+    vain: u64,
     over: bool,
 }
 
 impl<R: Read + Seek> Reader<R> {
     /// Begins to read a recording from a file or a pipe. In a file, the index at the end is read if
-    /// the chunk that says which topic a message belongs to was damaged.
+    /// the chunk that says which topic a message belongs to was damaged, and the next intact chunk
+    /// is searched for behind a record whose length or content is wrong.
     ///
     /// # Errors
     /// Fails if `from` cannot be read or is not an MCAP file.
@@ -104,6 +117,8 @@ impl<R: Read + Seek> Reader<R> {
             waiting: VecDeque::new(),
             damaged: false,
             strange: false,
+            intact: 0,
+            vain: 0,
             over: false,
         })
     }
@@ -111,7 +126,7 @@ impl<R: Read + Seek> Reader<R> {
     /// Returns the next part of the recording, or `None` at its end.
     ///
     /// # Errors
-    /// Fails if the rest of the file cannot be read. The next call returns `None`.
+    /// Fails if the operating system cannot read the file. The next call returns `None`.
     #[allow(clippy::should_implement_trait, reason = "a method that fails is no iterator")]
     pub fn next(&mut self) -> Result<Option<Item>, ReadError> {
         while !self.over && self.waiting.is_empty() {
@@ -126,26 +141,27 @@ impl<R: Read + Seek> Reader<R> {
     fn record(&mut self) -> Result<(), ReadError> {
         let mut head = [0; 9];
         if !filled(&mut self.from, &mut head)? {
-            return self.cut();
+            return self.unreadable(0, false);
         }
         let [opcode, length @ ..] = head;
         let length = u64::from_le_bytes(length);
         if length > MAX_RECORD {
-            return Err(ReadError::Damaged(format!("a record of {length} bytes at byte {}", self.at)));
+            return self.unreadable(0, true);
         }
         let mut body = Vec::new();
-        if (&mut self.from).take(length).read_to_end(&mut body)? as u64 != length {
-            return self.cut();
+        let read = (&mut self.from).take(length).read_to_end(&mut body)? as u64;
+        if read != length {
+            return self.unreadable(read, false);
         }
         let before = self.sum.clone().finalize();
         self.sum.update(&head);
         self.sum.update(&body);
-        let read = match opcode {
+        let taken = match opcode {
             op::CHUNK => {
                 self.strange = false;
                 self.chunk(&body)
             }
-            op::METADATA => self.metadata(&body),
+            op::METADATA => self.metadata(&body).map_err(reason),
             op::DATA_END if body.len() == 4 => {
                 // The index follows.
                 self.over = true;
@@ -157,24 +173,112 @@ impl<R: Read + Seek> Reader<R> {
             }
             op::HEADER | op::ATTACHMENT => Ok(()),
             op::MESSAGE_INDEX if index::is_of_chunk(&body) => Ok(()),
-            // It may be what is left of a chunk. The first of several is told.
-            _ => {
-                if !std::mem::replace(&mut self.strange, true) {
-                    self.damaged(&format!("an unexpected record of kind {opcode}"));
-                }
-                Ok(())
-            }
+            // It may be what is left of a chunk.
+            _ => Err(format!("an unexpected record of kind {opcode}")),
         };
-        match read {
-            // The library's words are about itself.
-            Err(McapError::Io(_) | McapError::DecompressionError(_) | McapError::BadChunkCrc { .. }) => {
-                self.damaged("a part that cannot be unpacked");
+        let behind = self.at + head.len() as u64 + length;
+        if let Err(why) = taken {
+            // If its length is wrong too, it has swallowed chunks.
+            if let Some(place) = self.search(length)?.filter(|place| *place < behind) {
+                return self.skip(place, length);
             }
-            Err(error) => self.damaged(&error.to_string()),
-            Ok(()) => {}
+            // The first of several between two chunks is told.
+            if opcode == op::CHUNK || !std::mem::replace(&mut self.strange, true) {
+                self.damaged(&why);
+            }
         }
-        self.at += head.len() as u64 + length;
+        self.at = behind;
         Ok(())
+    }
+
+    /// Goes on at the next intact chunk behind the beginning of a record whose end is unknown, of
+    /// which `read` bytes were read. If there is none, the recording ends here: it was cut off, unless
+    /// the length of the record is `wrong`, or the file has an end.
+    fn unreadable(&mut self, read: u64, wrong: bool) -> Result<(), ReadError> {
+        if let Some(place) = self.search(read)? {
+            return self.skip(place, read);
+        }
+        self.over = true;
+        let ends = index::has_end(&mut self.from);
+        if ends || wrong {
+            self.damaged = true;
+            let why = format!("nothing from byte {} on can be read", self.at);
+            self.waiting.push_back(Item::Damaged(why));
+        }
+        if !ends {
+            self.waiting.push_back(Item::Cut);
+        }
+        Ok(())
+    }
+
+    /// Goes on at the chunk at `place`, inside of a record of which `read` bytes were read.
+    fn skip(&mut self, place: u64, read: u64) -> Result<(), ReadError> {
+        self.vain += read;
+        self.damaged = true;
+        let why = format!("bytes {} to {} cannot be read", self.at, place - 1);
+        self.waiting.push_back(Item::Damaged(why));
+        self.from.seek(SeekFrom::Start(place))?;
+        self.at = place;
+        Ok(())
+    }
+
+    /// Returns whether `more` bytes can be read in vain at `place` of the file.
+    fn affords(&self, more: u64, place: u64) -> bool {
+        self.vain + more <= MAX_RECORD + VAIN * place
+    }
+
+    /// Returns the place of the first intact chunk behind the beginning of the present record, of
+    /// which `read` bytes were read. There is none in a pipe. The position stays as it was.
+    fn search(&mut self, read: u64) -> std::io::Result<Option<u64>> {
+        let Ok(here) = self.from.stream_position() else { return Ok(None) };
+        if !self.affords(read, self.at) {
+            return Ok(None);
+        }
+        // What was searched is not searched again.
+        if self.intact <= self.at {
+            self.intact = self.intact_from(self.at + 1)?.unwrap_or(u64::MAX);
+            self.from.seek(SeekFrom::Start(here))?;
+        }
+        Ok(Some(self.intact).filter(|place| *place != u64::MAX))
+    }
+
+    fn intact_from(&mut self, mut begin: u64) -> std::io::Result<Option<u64>> {
+        let mut block = Vec::new();
+        loop {
+            block.clear();
+            self.from.seek(SeekFrom::Start(begin))?;
+            (&mut self.from).take(BLOCK as u64).read_to_end(&mut block)?;
+            for (place, head) in (begin..).zip(block.array_windows()) {
+                if head[0] == op::CHUNK && self.is_intact(place, head)? {
+                    return Ok(Some(place));
+                }
+            }
+            if block.len() < BLOCK {
+                return Ok(None);
+            }
+            begin += (BLOCK - CHUNK_HEAD + 1) as u64;
+        }
+    }
+
+    /// Returns whether a chunk with the right check code begins with `head` at `place` of the file.
+    fn is_intact(&mut self, place: u64, head: &[u8; CHUNK_HEAD]) -> std::io::Result<bool> {
+        let number = |at: usize, bytes: usize| {
+            head[at..at + bytes].iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
+        };
+        let [length, size, sum] = [number(1, 8), number(25, 8), number(33, 4)];
+        // Without a sum it can be anything.
+        let fits = sum != 0 && size <= MAX_CHUNK && length <= 2 * MAX_CHUNK;
+        if !fits || !self.affords(length + size, place) {
+            return Ok(false);
+        }
+        let mut body = Vec::new();
+        self.from.seek(SeekFrom::Start(place + 9))?;
+        (&mut self.from).take(length).read_to_end(&mut body)?;
+        let waiting = self.waiting.len();
+        let intact = body.len() as u64 == length && self.chunk(&body).is_ok();
+        self.waiting.truncate(waiting);
+        self.vain += if intact { 0 } else { length + size };
+        Ok(intact)
     }
 
     fn damaged(&mut self, why: &str) {
@@ -194,25 +298,16 @@ impl<R: Read + Seek> Reader<R> {
         Ok(())
     }
 
-    fn cut(&mut self) -> Result<(), ReadError> {
-        self.over = true;
-        self.waiting.push_back(Item::Cut);
-        Ok(())
-    }
-
     /// Takes the messages of the chunk record `body`. If the chunk is damaged, none of them is
-    /// taken.
-    fn chunk(&mut self, body: &[u8]) -> Result<(), McapError> {
-        if let Record::Chunk { header, data } = parse_record(op::CHUNK, body)? {
+    /// taken, and the reason is returned.
+    fn chunk(&mut self, body: &[u8]) -> Result<(), String> {
+        if let Record::Chunk { header, data } = parse_record(op::CHUNK, body).map_err(reason)? {
             if body.len() != CHUNK_HEADER + header.compression.len() + data.len() {
-                // Its length is wrong, so it may have other chunks in it.
-                self.damaged("a chunk that is longer than its messages");
-                return Ok(());
+                return Err("a chunk that is longer than its messages".to_owned());
             }
             let size = header.uncompressed_size;
             if size > MAX_CHUNK {
-                self.damaged(&format!("a chunk of {size} bytes, at most {MAX_CHUNK} are read"));
-                return Ok(());
+                return Err(format!("a chunk of {size} bytes, at most {MAX_CHUNK} are read"));
             }
         }
         let begin = self.waiting.len();
@@ -220,7 +315,7 @@ impl<R: Read + Seek> Reader<R> {
         if taken.is_err() {
             self.waiting.truncate(begin);
         }
-        taken
+        taken.map_err(reason)
     }
 
     /// Takes the records of the chunk record `body`, up to the first error. The sum of the chunk is
@@ -278,6 +373,17 @@ impl<R: Read + Seek> Reader<R> {
             }
         }
         self.channels.get(&channel).cloned().unwrap_or_default()
+    }
+}
+
+/// Says why a record cannot be read.
+fn reason(error: McapError) -> String {
+    match error {
+        // The library's words are about itself.
+        McapError::Io(_) | McapError::DecompressionError(_) | McapError::BadChunkCrc { .. } => {
+            "a part that cannot be unpacked".to_owned()
+        }
+        _ => error.to_string(),
     }
 }
 

@@ -55,13 +55,7 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
     // The losses that the new recording must name.
     let mut lost: Vec<Option<String>> = Vec::new();
     loop {
-        let item = match reader.next() {
-            Ok(Some(item)) => item,
-            Ok(None) => break,
-            Err(error @ ReadError::System(_)) => return Err(error.into()),
-            // The rest of the file cannot be read.
-            Err(error) => Item::Damaged(error.to_string()),
-        };
+        let Some(item) = reader.next()? else { break };
         match item {
             Item::Cut => {
                 found.cut = true;

@@ -10,7 +10,7 @@ use hbot_record::exact::FORMAT;
 use hbot_record::replay::{Flaw, Replay, ReplayError};
 use hbot_record::{About, Exact, Writer};
 
-use crate::made::{assert_exact, exact, record, replay, written};
+use crate::made::{CHUNK, DATA_END, assert_exact, exact, places, record, records, replay, written};
 
 fn altered(recording: &[u8], alter: impl FnOnce(&mut Vec<(Exact, u64)>)) -> Vec<u8> {
     let mut records = exact(recording);
@@ -21,25 +21,6 @@ fn altered(recording: &[u8], alter: impl FnOnce(&mut Vec<(Exact, u64)>)) -> Vec<
 fn at(records: &[(Exact, u64)], tick: u64) -> usize {
     let is_it = |(record, _): &(Exact, u64)| matches!(record, Exact::Tick(found) if found.0.tick == tick);
     records.iter().position(is_it).unwrap()
-}
-
-/// Kinds of records: a chunk, and the end of all chunks.
-const CHUNK: u8 = 6;
-const DATA_END: u8 = 15;
-
-/// Returns the kind and the place of each record in `recording`: after eight bytes of signature, a
-/// kind, a length, and as many bytes.
-fn records(recording: &[u8]) -> Vec<(u8, usize)> {
-    let (mut at, mut records) = (8, Vec::new());
-    while let Some(head) = recording.get(at..at + 9) {
-        records.push((head[0], at));
-        at += 9 + u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
-    }
-    records
-}
-
-fn places(recording: &[u8], kind: u8) -> Vec<usize> {
-    records(recording).into_iter().filter(|(found, _)| *found == kind).map(|(_, at)| at).collect()
 }
 
 /// Place of the check code in a chunk: after a kind and a length, two times and a length.

@@ -62,13 +62,23 @@ pub(crate) fn exact(recording: &[u8]) -> Vec<(Exact, u64)> {
 }
 
 pub(crate) fn written(records: &[(Exact, u64)]) -> Vec<u8> {
+    written_with(records, |_, _, _| ())
+}
+
+/// Writes `records`. Calls `after` after each tick, with its number and its Unix time, ns.
+pub(crate) fn written_with(
+    records: &[(Exact, u64)],
+    mut after: impl FnMut(&mut Writer<Cursor<Vec<u8>>>, u64, u64),
+) -> Vec<u8> {
     let mut writer = Writer::new(Cursor::new(Vec::new()), &About::default()).unwrap();
     let mut next = 0;
     for (record, at) in records {
         match record {
             Exact::Tick(tick) => {
                 next = tick.0.tick + 1;
-                writer.exact_tick(&tick.0, &tick.1, *at)
+                let written = writer.exact_tick(&tick.0, &tick.1, *at);
+                after(&mut writer, tick.0.tick, *at);
+                written
             }
             Exact::Scene(scene) => writer.exact_scene(next, scene, *at),
             Exact::Controller(controller) => writer.exact_controller(next, controller, *at),
@@ -77,4 +87,23 @@ pub(crate) fn written(records: &[(Exact, u64)]) -> Vec<u8> {
         .unwrap();
     }
     writer.finish().unwrap().into_inner()
+}
+
+/// Kinds of records: a chunk, and the end of all chunks.
+pub(crate) const CHUNK: u8 = 6;
+pub(crate) const DATA_END: u8 = 15;
+
+/// Returns the kind and the place of each record in `recording`: after eight bytes of signature, a
+/// kind, a length, and as many bytes.
+pub(crate) fn records(recording: &[u8]) -> Vec<(u8, usize)> {
+    let (mut at, mut records) = (8, Vec::new());
+    while let Some(head) = recording.get(at..at + 9) {
+        records.push((head[0], at));
+        at += 9 + u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
+    }
+    records
+}
+
+pub(crate) fn places(recording: &[u8], kind: u8) -> Vec<usize> {
+    records(recording).into_iter().filter(|(found, _)| *found == kind).map(|(_, at)| at).collect()
 }
