@@ -41,6 +41,15 @@ fn what_can_be_read_of_a_recording_is_recovered_and_what_is_lost_stays_known() {
     run("recover", &[&cut, &out]).code(1).stdout(
         contains(" of 2000 ticks (").and(contains("whole").not()).and(contains("ticks are missing (")),
     );
+    std::fs::remove_file(&out).expect("removed");
+    // Bytes are missing, so that no record behind them is where the lengths say.
+    damaged.drain(bytes.len() / 2..bytes.len() / 2 + 5000);
+    std::fs::write(&cut, &damaged).expect("written");
+    run("recover", &[&cut, &out]).code(1).stdout(
+        contains(" of 2000 ticks (")
+            .and(contains(" cannot be read\n"))
+            .and(contains("damaged: damaged").not()),
+    );
     for file in [&cut, &out] {
         let known =
             contains(" s): what happened in them is not known\n").and(contains("nothing went wrong in"));

@@ -192,8 +192,8 @@ impl<R: Read + Seek> Reader<R> {
     }
 
     /// Goes on at the next intact chunk behind the beginning of a record whose end is unknown, of
-    /// which `read` bytes were read. If there is none, the recording ends here: it was cut off, unless
-    /// the length of the record is `wrong`, or the file has an end.
+    /// which `read` bytes were read. If there is none, the recording ends here: it was cut off if
+    /// the file has no end, and is damaged if it has one or the length of the record is `wrong`.
     fn unreadable(&mut self, read: u64, wrong: bool) -> Result<(), ReadError> {
         if let Some(place) = self.search(read)? {
             return self.skip(place, read);

@@ -54,8 +54,7 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
     let mut writer = None;
     // The losses that the new recording must name.
     let mut lost: Vec<Option<String>> = Vec::new();
-    loop {
-        let Some(item) = reader.next()? else { break };
+    while let Some(item) = reader.next()? {
         match item {
             Item::Cut => {
                 found.cut = true;
