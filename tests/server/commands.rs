@@ -129,9 +129,6 @@ fn a_stop_with_words_that_are_not_understood_stops_first() {
     crate::process::run(&["Estop", &server.address]).success();
     assert_eq!(client.ask(r#"{"id": 1, "op": "info"}"#)["ok"]["mode"], "estop");
     crate::process::run(&["estop", "--server", "http://lab"]).code(2).stderr(contains("NOT STOPPED: "));
-    crate::process::run(&["estp"])
-        .code(2)
-        .stderr(contains("NOT STOPPED: \"estp\" is no command. `hbot estop` stops"));
 }
 
 /// Who presses Ctrl-C while the torque rises wants none.

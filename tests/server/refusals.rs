@@ -363,7 +363,7 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
     for words in [&["wander"][..], &["scene", "lint-all"], &["rig", "print"], &["info", "--vertical"]] {
         run(words).code(2).stderr(contains("similar").not());
     }
-    run(&["estopp"]).code(2).stderr(contains("exists: 'estop'\n"));
+    run(&["estopp"]).code(2).stderr(contains("NOT STOPPED: \"estopp\" is no command. `hbot estop`"));
     run(&["enabel"]).code(2).stderr(contains("exists: 'enable'\n"));
 }
 
