@@ -209,18 +209,17 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
     let change =
         rate.map(|rate| Override { path: "loop.rate_hz", value: rate.into(), from: "the recording" });
     let changes: Vec<_> = change.into_iter().collect();
-    let recorded = match about.get("rig_file") {
-        Some(text) => Some(RigConfig::from_toml_with(text, "the recorded rig file", &changes)?),
-        None => None,
+    let rig = match (&args.rig, about.get("rig_file")) {
+        (None, Some(text)) => RigConfig::from_toml_with(text, "the recorded rig file", &changes)?,
+        (path, _) => super::rig_file::load(path.as_deref(), &changes)?,
     };
-    let rig = match (&recorded, &args.rig) {
-        (Some(recorded), None) => return Ok(recorded.clone()),
-        (_, path) => super::rig_file::load(path.as_deref(), &changes)?,
-    };
-    let joints = about.get("joints").map_or(rig.rig.device.joints(), |names| names.split(' ').count());
-    let is_it = recorded.is_none_or(|recorded| recorded.rig == rig.rig) && joints == rig.rig.device.joints();
-    let path = args.rig.as_deref().map_or("the prototype".into(), Path::to_string_lossy);
-    ensure!(is_it, "the recording is of another rig than {path}");
+    let ours = rig.rig.device.joints();
+    let joints = about.get("joints").map_or(ours, |names| names.split(' ').count());
+    ensure!(
+        joints == ours,
+        "the recording is of another rig: it has {joints} joints, and {} {ours}; name its rig file by --rig",
+        args.rig.as_deref().map_or("the prototype".into(), Path::to_string_lossy)
+    );
     Ok(rig)
 }
 

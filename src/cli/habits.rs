@@ -94,30 +94,56 @@ pub(crate) fn without_cargo_s_dashes(arguments: impl Iterator<Item = OsString>) 
     arguments
 }
 
+/// Options of `hbot estop` that take a value.
+const STOP_OPTIONS: [&str; 3] = ["--server", "--token-file", "--ca"];
+
 /// Returns whether a command line asks for an emergency stop, however it goes on.
 pub(crate) fn is_stop(arguments: &[OsString]) -> bool {
-    let Some(word) = arguments.get(1).and_then(|word| word.to_str()) else { return false };
-    ["estop"].iter().chain(&STOPS).any(|stop| word.eq_ignore_ascii_case(stop))
+    stop_word(arguments).is_some()
+}
+
+/// Returns where the word for an emergency stop is. Options can stand before it.
+fn stop_word(arguments: &[OsString]) -> Option<usize> {
+    let mut at = 1;
+    while let Some(word) = arguments.get(at).and_then(|word| word.to_str()) {
+        if !word.starts_with('-') {
+            let is_stop = ["estop"].iter().chain(&STOPS).any(|stop| word.eq_ignore_ascii_case(stop));
+            return is_stop.then_some(at);
+        }
+        at += if STOP_OPTIONS.contains(&word) { 2 } else { 1 };
+    }
+    None
 }
 
 /// Returns the command line of a stop with what is understood of `arguments`, and the rest.
 pub(crate) fn stop_line(arguments: &[OsString]) -> (Vec<OsString>, Vec<String>) {
     let (mut line, mut odd) = (vec!["hbot".into(), "estop".into()], Vec::new());
-    let mut words = arguments.iter().skip(2).peekable();
+    let stop = stop_word(arguments);
+    let words = arguments.iter().enumerate().skip(1).filter(|(at, _)| Some(*at) != stop);
+    let mut words = words.map(|(_, word)| word.clone()).peekable();
+    let has_port = |text: &str| {
+        text.rsplit_once(':').is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
+    };
+    let mut bare = None;
     while let Some(word) = words.next() {
-        let text = word.to_string_lossy();
-        let (name, value) = text.split_once('=').map_or((&*text, None), |(name, value)| (name, Some(value)));
-        let known = ["--server", "--token-file", "--ca"].contains(&name);
-        match (known, value) {
-            (true, Some(_)) => line.push(word.clone()),
-            (true, None) if words.peek().is_some_and(|next| !next.to_string_lossy().starts_with('-')) => {
-                line.extend([word.clone()].into_iter().chain(words.next().cloned()));
-            }
-            (false, _) if !text.starts_with('-') && text.contains(':') => {
-                line.extend(["--server".into(), word.clone()]);
-            }
-            _ => odd.push(format!("{text:?}")),
+        let text = word.to_string_lossy().into_owned();
+        let (name, has_value) = text.split_once('=').map_or((&*text, false), |(name, _)| (name, true));
+        let known = STOP_OPTIONS.contains(&name);
+        if known && has_value {
+            line.push(word);
+        } else if known && let Some(value) = words.next_if(|next| !next.to_string_lossy().starts_with('-')) {
+            line.extend([word, value]);
+        } else if bare.is_none() && has_port(&text) {
+            bare = Some(word);
+        } else {
+            odd.push(format!("{text:?}"));
         }
+    }
+    let is_named = line.iter().any(|word| word.to_string_lossy().starts_with("--server"));
+    match bare {
+        Some(server) if !is_named => line.extend(["--server".into(), server]),
+        Some(other) => odd.push(format!("{:?}", other.to_string_lossy())),
+        None => {}
     }
     (line, odd)
 }
@@ -214,7 +240,7 @@ fn number(answer: &clap::Error) -> Option<String> {
 }
 
 /// Commands that are clients of a server.
-const CLIENTS: [&[&str]; 13] = [
+const CLIENTS: [&[&str]; 12] = [
     &["info"],
     &["stats"],
     &["watch"],
@@ -222,7 +248,6 @@ const CLIENTS: [&[&str]; 13] = [
     &["enable"],
     &["disable"],
     &["reset"],
-    &["estop"],
     &["recover"],
     &["record"],
     &["hand"],
@@ -309,9 +334,9 @@ fn command(answer: &clap::Error, arguments: &[OsString]) -> Option<String> {
             "{word:?} is a kind of effect: `hbot scene new FILE --effect {word}` writes a scene with one"
         ));
     }
-    if did_you_mean(&word.to_lowercase(), ["estop"].into_iter().chain(STOPS)).is_some() {
-        return Some(format!("NOT STOPPED: {word:?} is no command. `hbot estop` stops the rig"));
+    if let Some((_, meaning)) = HABITS.iter().find(|(words, _)| words.contains(&word.as_str())) {
+        return Some(format!("{word:?} is no command: {meaning}"));
     }
-    let (_, meaning) = HABITS.iter().find(|(words, _)| words.contains(&word.as_str()))?;
-    Some(format!("{word:?} is no command: {meaning}"))
+    did_you_mean(&word.to_lowercase(), ["estop"].into_iter().chain(STOPS))?;
+    Some(format!("NOT STOPPED: {word:?} is no command. `hbot estop` stops the rig"))
 }

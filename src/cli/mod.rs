@@ -72,7 +72,7 @@ Anybody may stop the rig, without the lease. `hbot stop` does the same.
 Exit codes:
   0  the server has confirmed that the rig is stopped
   1  it has not: NOT STOPPED. Cut the motors' power
-  2  the command line is wrong";
+  2  it has, but something on the line was not understood";
 
 #[derive(Debug, Subcommand)]
 enum Chosen {
@@ -131,8 +131,8 @@ enum Chosen {
 /// What the exit codes of a command mean whose help says nothing else.
 const EXIT_CODES: &str = "\
 Exit codes:
-  0  done
-  1  refused or failed; the reason is printed
+  0  done, and nothing is wrong
+  1  refused, failed, or something is wrong; it is printed
   2  the command line is wrong";
 
 /// Returns the command line. The help of every command says what its exit codes mean.

@@ -68,37 +68,41 @@ pub(crate) fn estop_first(answer: &clap::Error, arguments: &[OsString]) -> anyho
     let Ok(Cli { command: Chosen::Estop(address) }) = Cli::of(&line) else {
         let why = answer.render().to_string();
         let why = why.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
-        bail!(WrongLine(format!("NOT STOPPED: {why}. Cut the motors' power")));
+        bail!("NOT STOPPED: {why}. Cut the motors' power");
     };
-    let stopped = estop(&address)?;
-    if odd.is_empty() {
-        return Ok(stopped);
+    let (stopped, odd) = (estop(&address), odd.join(" "));
+    match stopped {
+        stopped if odd.is_empty() => stopped,
+        Ok(_) => bail!(WrongLine(format!(
+            "not understood: {odd}. Only the rig of the server at {} is stopped",
+            address.server
+        ))),
+        Err(error) => bail!("{error:#} Not understood: {odd}"),
     }
-    let server = &address.server;
-    bail!(WrongLine(format!(
-        "not understood: {}. Only the rig of the server at {server} is stopped",
-        odd.join(" ")
-    )))
 }
 
 /// Takes the torque away, waits until it is zero, and prints the mode that follows. The time of a
-/// rig that waits for `advance` stands still.
+/// simulated rig that waits for `advance` stands still.
 pub(crate) fn disable(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     let is_on = |mode| matches!(mode, Mode::Enabling | Mode::Active);
-    let until = Instant::now() + OFF;
-    let off = |state: &StateEvent| !is_on(state.mode) && state.torque == [0.0; 3] || Instant::now() > until;
     let ordered = || {
         let mut client = connect(address, "hbot")?;
         let mode = client.disable().map_err(remedied)?;
-        Ok((mode, show::state(&mut client, off)?))
+        let until = Instant::now() + OFF;
+        let off =
+            |state: &StateEvent| !is_on(state.mode) && state.torque == [0.0; 3] || Instant::now() > until;
+        match show::state(&mut client, off)? {
+            Some(state) => Ok((state.mode, state.torque)),
+            None if client.info().map_err(remedied)?.rig.simulated => Ok((mode, [0.0; 3])),
+            None => bail!("no state says that the torque is off"),
+        }
     };
-    let (mode, state) = ordered().map_err(|error: anyhow::Error| {
+    let (mode, torque) = ordered().map_err(|error: anyhow::Error| {
         anyhow::anyhow!(
             "NOT DISABLED: the server at {} has not confirmed it ({error:#}). Cut the motors' power.",
             address.server
         )
     })?;
-    let (mode, torque) = state.map_or((mode, [0.0; 3]), |state| (state.mode, state.torque));
     if is_on(mode) || torque != [0.0; 3] {
         bail!(
             "NOT DISABLED: the torque is on in mode {mode}; another client may have enabled it again. Cut the motors' power."
@@ -107,9 +111,9 @@ pub(crate) fn disable(address: &ServerAddress) -> anyhow::Result<ExitCode> {
     print(mode)
 }
 
-/// Resets the rig, and prints the mode that follows. A cause that has just gone is seen to be gone
-/// after a moment, and controllers that have just come back say a little later where they are:
-/// waits for both. A stop that somebody presses meanwhile stays.
+/// Resets the rig, and prints the mode that follows. In a fault, a cause that has just gone is seen
+/// to be gone after a moment, and controllers that have just come back say a little later where
+/// they are: waits for both. A stop that somebody presses meanwhile stays.
 pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
     let mut client = connect(&to.address, "hbot")?;
     let incident = client.info().map_err(remedied)?.incident;
@@ -127,7 +131,7 @@ pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
         }
     });
     let mode = match (mode, incident.as_ref().and_then(|incident| incident.remedy.as_deref())) {
-        (Err(error), Some(remedy)) => bail!("{error:#}. {remedy}"),
+        (Err(error), Some(remedy)) if !is_lost(&error) => bail!("{error:#}. {remedy}"),
         (mode, _) => mode?,
     };
     if incident.is_some_and(|incident| incident.fault == Some(Fault::LinkLost)) {
@@ -144,18 +148,24 @@ pub(crate) fn reset(to: &Commanding) -> anyhow::Result<ExitCode> {
 pub(crate) fn enable(to: &Commanding) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut client = connect(&to.address, "hbot")?;
-    let mode = holding(&mut client, to.steal, Client::enable)?;
     let until = Instant::now() + RISEN;
-    let risen = show::state(&mut client, |state| {
-        state.mode != Mode::Enabling || Instant::now() > until || stop.is_set()
-    })?;
+    let risen = holding(&mut client, to.steal, |client| {
+        // A signal that came earlier asks for no torque.
+        if stop.is_set() { Ok(None) } else { client.enable().map(Some) }
+    });
+    let risen = risen.and_then(|mode| {
+        let rises =
+            |state: &StateEvent| state.mode == Mode::Enabling && Instant::now() < until && !stop.is_set();
+        Ok((mode, show::state(&mut client, |state| !rises(state))?))
+    });
     if stop.is_set() {
         note!("enable was broken off by a signal, so the torque is taken away:");
         disable(&to.address)?;
         signals::end_as_interrupted()?;
     }
+    let (mode, risen) = risen?;
     let stands = risen.is_none();
-    let mode = risen.map_or(mode, |state| state.mode);
+    let mode = risen.map(|state| state.mode).or(mode).context("no mode")?;
     print(mode)?;
     let is_up = mode == Mode::Active || stands && mode == Mode::Enabling;
     Ok(if is_up { ExitCode::SUCCESS } else { ExitCode::FAILURE })
@@ -269,7 +279,8 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
             // Its text has that of its source.
             ClientError::Connect { .. } | ClientError::Server(_) => return anyhow::anyhow!("{said}"),
             ClientError::Timeout { what: "hello", .. } => {
-                "the server is there but does not answer: it may be suspended or overloaded"
+                return anyhow::Error::from(error)
+                    .context("the server is there but does not answer (it may be suspended or overloaded)");
             }
             _ => return error.into(),
         },
@@ -279,12 +290,18 @@ pub(crate) fn remedied(error: ClientError) -> anyhow::Error {
 
 /// Says what to do about motors whose server does not answer any more, if that is the `error`.
 pub(crate) fn warn_of_torque(error: &anyhow::Error) {
-    let is_lost = |error: &ClientError| {
-        matches!(error, ClientError::Closed | ClientError::Io(_) | ClientError::NoState { .. })
-    };
-    if error.chain().filter_map(|source| source.downcast_ref()).any(is_lost) {
+    if is_lost(error) {
         note!("If the sphere still pushes, cut the motors' power.");
     }
+}
+
+/// Returns whether a server is gone or silent that has answered before, or is there and is silent.
+fn is_lost(error: &anyhow::Error) -> bool {
+    let is_lost = |error: &ClientError| {
+        use ClientError::{Closed, Io, NoState, Timeout};
+        matches!(error, Closed | Io(_) | NoState { .. } | Timeout { .. })
+    };
+    error.chain().filter_map(|source| source.downcast_ref()).any(is_lost)
 }
 
 /// Where the ids of the effects are found.

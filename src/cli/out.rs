@@ -100,7 +100,9 @@ fn program() -> String {
 
 /// Returns the server that the command line names.
 fn typed_server() -> Option<String> {
-    let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let line = if habits::is_stop(&arguments) { habits::stop_line(&arguments).0 } else { arguments };
+    let mut words = line.into_iter().map(|word| word.to_string_lossy().into_owned());
     while let Some(word) = words.next() {
         match word.strip_prefix("--server") {
             Some("") => return words.next(),

@@ -126,9 +126,12 @@ fn a_stop_with_words_that_are_not_understood_stops_first() {
         run(&server, odd).code(2).stdout(starts_with("estop: ")).stderr(said);
         run(&server, &["reset"]).success();
     }
-    crate::process::run(&["Estop", &server.address]).success();
+    let here = contains(format!("`hbot reset --server {}`", server.address));
+    crate::process::run(&["--server", &server.address, "stop"]).code(0).stdout(here.clone());
+    run(&server, &["reset"]).success();
+    crate::process::run(&["Estop", &server.address]).success().stdout(here);
     assert_eq!(client.ask(r#"{"id": 1, "op": "info"}"#)["ok"]["mode"], "estop");
-    crate::process::run(&["estop", "--server", "http://lab"]).code(2).stderr(contains("NOT STOPPED: "));
+    crate::process::run(&["estop", "--server", "http://lab"]).code(1).stderr(contains("NOT STOPPED: "));
 }
 
 /// Who presses Ctrl-C while the torque rises wants none.
@@ -154,6 +157,26 @@ fn an_enable_that_a_signal_breaks_off_takes_the_torque_away() {
     assert!(broken_off, "it never was");
     let info = watcher.ask(r#"{"id": 2, "op": "info"}"#);
     assert_eq!(info["ok"]["mode"], "idle", "{info}");
+
+    // A signal that comes while the server does not answer yet: the order is not sent any more.
+    server.signal(Signal::STOP);
+    let mut enable = hbot();
+    enable.args(["enable", "--server", &server.address]).stderr(Stdio::null()).stdout(Stdio::null());
+    let mut enable = enable.spawn().expect("the binary runs");
+    let status = format!("/proc/{}/status", enable.id());
+    eventually("the command takes signals", || {
+        let status = std::fs::read_to_string(&status).unwrap_or_default();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or_default();
+        u64::from_str_radix(caught.trim(), 16).is_ok_and(|caught| caught & 1 << 1 != 0)
+    });
+    let _ = kill_process(Pid::from_child(&enable), Signal::INT);
+    server.signal(Signal::CONT);
+    assert!(enable.wait().expect("it ends").signal().is_some());
+    watcher.send(r#"{"id": 3, "op": "info"}"#);
+    watcher.until(|line| {
+        assert_ne!(line["mode"], "enabling", "{line}");
+        line["id"] == 3
+    });
 }
 
 /// A stop that a suspended server has not confirmed still stops the rig when the server runs again.
@@ -161,7 +184,7 @@ fn an_enable_that_a_signal_breaks_off_takes_the_torque_away() {
 fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
     let server = Process::patient(&[]);
     server.signal(Signal::STOP);
-    let silent = "no answer to hello within 5 s: the server is there but does not answer: it may be suspended or overloaded";
+    let silent = "the server is there but does not answer (it may be suspended or overloaded): no answer to hello within 5 s";
     let lost = format!(
         "NOT STOPPED: the server at {} has not confirmed the stop ({silent}). Cut the motors' power.",
         server.address

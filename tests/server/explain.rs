@@ -52,7 +52,7 @@ fn an_overspeed_is_told_in_ten_lines_and_drawn() {
     std::fs::write(&other, include_str!("../../rigs/three_wheels.toml")).expect("written");
     explain(&[text(&run), "--rig", text(&other)])
         .failure()
-        .stderr(contains("the recording is of another rig than "));
+        .stderr(contains("the recording is of another rig: it has 4 joints"));
     explain(&[text(&run), "--number", "2"]).failure().stderr(contains("fault 2 is not in it; legal: 1 to 1"));
     // Without a file, the newest flight log is explained.
     let mut newest = hbot();

@@ -347,6 +347,7 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
         (&["hand", "turn", "30deg", "n2"], "`hbot hand turn n2 30deg`"),
         (&["connect", "127.0.0.1:4268"], "`--server HOST:PORT`"),
         (&["config"], "`hbot rig new FILE`"),
+        (&["top"], "`hbot watch` shows the state, live"),
         (&["demo"], "`hbot server` runs a simulated rig"),
         (&["set", "spring", "stiffness=2", "--json"], "`hbot info --json` prints the scene"),
         (&["study", "accuracy", "--quick"], "`cargo run --release -p hbot-study -- accuracy --quick`"),
@@ -570,12 +571,12 @@ fn a_folder_in_place_of_a_file_is_told_with_what_is_wanted() {
     // Nor is a file of another kind overwritten.
     let other = format!("{folder}/thesis.txt");
     std::fs::write(&other, "years of work").expect("written");
-    for command in
-        [&["rig", "calibrate", "--write", &other][..], &["rig", "identify", "run.mcap", "--out", &other]]
-    {
-        run(command)
-            .failure()
-            .stderr(contains("the file exists already and is no rig file. Name another one"));
+    for command in [
+        &["rig", "calibrate", "--write", &other][..],
+        &["rig", "identify", "run.mcap", "--out", &other],
+        &["rig", "identify", "--motors", "--out", &other],
+    ] {
+        run(command).failure().stderr(contains("the file to write exists already and is no rig file: "));
     }
     assert_eq!(std::fs::read_to_string(&other).expect("there"), "years of work");
     // Nothing waits for the other end of a pipe.

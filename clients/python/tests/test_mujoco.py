@@ -356,7 +356,8 @@ def test_the_energy_of_a_late_simulation_is_that_of_the_rig(
         rig.advance(1)
         free = rig.advance(1).tick
         assert free < BEGIN, "this machine was busy for seconds"
-        rig.advance(BEGIN - free)
+        while free < BEGIN:  # In pieces, each of which is answered in time.
+            free = rig.advance(min(BEGIN - free, 5000)).tick
         simulated = {"hand": {}, "motor": MOTOR}
         rig.load_scene({"name": example, "effect": [], "simulate": simulated})
         rig.enable()

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context as _, ensure};
+use anyhow::Context as _;
 use hbot_config::RigConfig;
 use toml_edit::{DocumentMut, Item, Value};
 
@@ -23,8 +23,9 @@ pub(super) fn open(rig: Option<&Path>) -> anyhow::Result<DocumentMut> {
 /// Fails if `file` cannot become a rig file, or is a file of another kind.
 pub(super) fn refuse_another(file: &Path) -> anyhow::Result<()> {
     refuse_folder_or_pipe(file, "the rig file to write")?;
-    let is_another = file.is_file() && RigConfig::from_path(file).is_err();
-    ensure!(!is_another, "{}: the file exists already and is no rig file. Name another one", file.display());
+    if file.metadata().is_ok_and(|found| found.is_file() && found.len() > 0) {
+        RigConfig::from_path(file).context("the file to write exists already and is no rig file")?;
+    }
     Ok(())
 }
 

@@ -175,7 +175,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
     drawn.inner
 }
 
-/// Returns what the headline says beside the mode, and its colour, as the page does.
+/// Returns what the headline says beside the mode, and its colour.
 fn mood(
     model: &Model,
     headline: Headline,

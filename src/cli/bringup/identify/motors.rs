@@ -19,7 +19,7 @@ use toml_edit::{Array, InlineTable, Item};
 use super::super::{edit, joint_name, on_the_lines};
 use super::IdentifyArgs;
 use crate::cli::numbers::{positive, whole_seconds};
-use crate::cli::out::{note, refuse_folder_or_pipe, say};
+use crate::cli::out::{note, say};
 use crate::cli::style;
 
 /// Joint rate below which a joint rests, rad/s.
@@ -65,7 +65,7 @@ pub(crate) struct Motion {
 pub(super) fn run(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     let rig = args.which.load()?;
     if let Some(file) = &args.out {
-        refuse_folder_or_pipe(file, "the rig file to write")?;
+        edit::refuse_another(file)?;
     }
     let found = match measured(&rig, &args.motion)? {
         Ok(found) => found,
