@@ -31,7 +31,7 @@ names! {
         /// file).
         LinkLost = "link_lost": (
             "The motor controllers do not answer.",
-            "Check power and cable of the controllers, and by `hbot doctor` whether the PC is too busy.",
+            "Check power and cable of the controllers, and whether other programs keep this computer busy.",
         ),
         /// Too many damaged frames were received on the serial line.
         LinkCorrupt = "link_corrupt": (
