@@ -100,7 +100,9 @@ fn clients_of_a_server_too() {
         assert!(code == Some(0) && untold, "{args:?}: {code:?}, {said}");
         if args[0] == "estop" {
             let said = FULL.replace("error: ", "error: the rig is stopped, but this cannot be told: ");
-            assert_eq!(run(&args, full()), (Some(1), format!("{said}\n")));
+            let (code, told) = run(&args, full());
+            // On a busy machine the wait for the confirmation is told before.
+            assert!(code == Some(1) && told.ends_with(&format!("{said}\n")), "{code:?}, {told}");
         } else {
             says_that_it_is_full(&args);
         }
