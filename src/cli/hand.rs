@@ -105,7 +105,7 @@ fn time(text: &str) -> Result<f64, String> {
     real("s", |s| (0.1..=MAX_OVER_MS as f64 * 1.0e-3).contains(&s), "0.1 to 60")(text)
 }
 
-/// Largest angle of a turn, rad. About half a turn, the hand could go the other way round.
+/// Largest angle of a turn, rad: 175 degrees. Near half a turn, the hand can go the other way.
 const MOST: f64 = 3.0544;
 
 /// One state of the turn: torques about the axis, N m, against the angle about it, rad.

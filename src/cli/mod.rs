@@ -202,12 +202,12 @@ pub(crate) struct Commanding {
     steal: bool,
 }
 
-/// The server to which anybody may give this order, whoever holds the lease.
+/// The server of an order that needs no lease.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Anybody {
     #[command(flatten)]
     address: ServerAddress,
-    /// Accepted, because people add it to other commands
+    /// Has no effect: people add it because other commands need it
     #[arg(long, hide = true)]
     steal: bool,
 }

@@ -193,6 +193,7 @@ fn a_stop_that_a_suspended_server_does_not_answer_is_not_lost() {
     run(&server, &["estop"]).code(1).stderr(contains(first).and(contains(lost)));
     let lost = format!("NOT DISABLED: the server at {} has not confirmed it ({silent})", server.address);
     run(&server, &["disable"]).code(1).stderr(contains(lost));
+    run(&server, &["enable"]).code(1).stderr(contains("If the sphere still pushes, cut the motors' power."));
     server.signal(Signal::CONT);
     eventually("the rig is stopped", || {
         let info = run(&server, &["info"]).success();

@@ -131,7 +131,7 @@ fn status(ui: &mut Ui, model: &Model, warnings: &[Warning], height: f32) -> bool
             ui.style_mut().override_font_id = Some(FontId::proportional(SMALL));
         }
         if let Some(text) = strain(model, headline) {
-            // A scene that shakes or may shake has a remedy of its own. Who commands comes first.
+            // A shaking has its own remedy, and that nobody commands is said first.
             if warnings.is_empty() && model.shaking.is_none() && model.lease != Lease::Free {
                 let remedy = strong(ui, STRAINED).color(palette.torque);
                 wrapped(ui, remedy);

@@ -62,12 +62,12 @@ pub(super) fn details(
                 .map(Refusal::in_words)
                 .or_else(|| recover::refusal(model).map(|text| format!("No torque. {text}"))) =>
         {
-            turns(ui, model);
+            still_turns(ui, model);
             coloured(ui, palette.warn, text);
         }
         (Headline::Mode(mode), _) => {
             if mode == Mode::Idle {
-                turns(ui, model);
+                still_turns(ui, model);
             }
             let cured = model.shaking.as_ref().map(|shaking| {
                 let cure = cure(warnings, shaking.effect.as_deref());
@@ -181,7 +181,7 @@ fn shaken(shaking: &ShakingEvent) -> String {
 
 /// Draws who has stopped the rig, and which button goes on.
 fn stopped(ui: &mut Ui, model: &Model, palette: Palette, who: &str) {
-    turns(ui, model);
+    still_turns(ui, model);
     let powered = if model.is_simulated() { "" } else { " The motors still have power." };
     wrapped(ui, format!("{who}{powered}"));
     refused(ui, model, palette);
@@ -196,7 +196,7 @@ fn refused(ui: &mut Ui, model: &Model, palette: Palette) {
 }
 
 /// Says that the sphere turns without torque, if it does.
-fn turns(ui: &mut Ui, model: &Model) {
+fn still_turns(ui: &mut Ui, model: &Model) {
     let speed = model.state.as_ref().map_or(0.0, |state| DVec3::from(state.omega).length());
     if speed > TURNS {
         let text = strong(ui, &format!("The sphere still turns: {speed:.2} rad/s"));
