@@ -151,9 +151,17 @@ pub(super) struct KindEntry {
 
 impl KindEntry {
     fn of<K: EffectKind>() -> Self {
-        let own = schema::of::<K>();
+        Self::new(K::NAME, &schema::of::<K>(), compile::<K>)
+    }
+
+    /// Creates the entry of a kind whose own parameters have the JSON schema `own`.
+    fn new(
+        name: &'static str,
+        own: &Value,
+        compile: fn(&Value, &str, &mut Report) -> Option<Compiled>,
+    ) -> Self {
         // Panel, page and `scene kinds` show the parameters in this order.
-        let mut properties = schema::properties(&own);
+        let mut properties = schema::properties(own);
         properties.extend(schema::properties(&schema::of::<Common>()));
         let required = own["required"].as_array().cloned().unwrap_or_default();
         let schema = json!({
@@ -168,7 +176,7 @@ impl KindEntry {
         let mut effect_schema = schema.clone();
         effect_schema["properties"] = Value::Object(all);
         effect_schema["required"] = ["id", "kind"].into_iter().map(Value::from).chain(required).collect();
-        Self { name: K::NAME, schema, effect_schema, compile: compile::<K> }
+        Self { name, schema, effect_schema, compile }
     }
 
     /// Returns the entry for the kind with this name, or `None` if there is no such kind.
@@ -178,18 +186,18 @@ impl KindEntry {
 }
 
 fn compile<K: EffectKind>(value: &Value, path: &str, report: &mut Report) -> Option<Compiled> {
-    let shared = &EFFECT_SCHEMA["properties"];
-    let parameters: Map<String, Value> = value
-        .as_object()?
-        .iter()
-        .filter(|(key, _)| shared.get(key.as_str()).is_none())
-        .map(|(key, value)| (key.clone(), value.clone()))
-        .collect();
-    let parameters: K = decode(&Value::Object(parameters), path, report)?;
+    let parameters: K = decode(&own_parameters(value)?, path, report)?;
     let kind = parameters.compile(path, report)?;
     let Ok(Value::Object(written)) = serde_json::to_value(&parameters) else { return None };
     let (numbers, idle) = (parameters.numbers(), parameters.idle());
     Some(Compiled { parameters: written, kind, numbers, idle })
+}
+
+/// Returns the parameters of an effect without those that every kind has.
+fn own_parameters(effect: &Value) -> Option<Value> {
+    let shared = &EFFECT_SCHEMA["properties"];
+    let own = effect.as_object()?.iter().filter(|(key, _)| shared.get(key.as_str()).is_none());
+    Some(own.map(|(key, value)| (key.clone(), value.clone())).collect())
 }
 
 /// Largest number of characters in an effect's id.
