@@ -38,7 +38,7 @@ const MOST_FAULTS: usize = 16;
 #[derive(Default)]
 pub(super) struct Memory {
     parts: VecDeque<Part>,
-    faults: VecDeque<FaultEvent>,
+    pub(super) faults: VecDeque<FaultEvent>,
 }
 
 /// Ticks in succession, with what a replay needs to begin.
@@ -105,7 +105,9 @@ impl Memory {
             part.ticks.retain(|(entry, _)| entry.inputs.tick <= flight.until);
         }
         parts.retain(|part| !part.ticks.is_empty());
-        let wanted = flight.from..=flight.until;
+        // With the faults and stops of all its ticks, also of those before the log's first one.
+        let begins = parts.front().map_or(flight.from, |part| part.after + 1);
+        let wanted = begins..=flight.until;
         let faults = self.faults.iter().filter(|fault| wanted.contains(&fault.tick)).cloned();
         Self { parts, faults: faults.collect() }
     }

@@ -4,6 +4,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use hbot_api::FaultEvent;
 use hbot_config::RunningScene;
 use hbot_core::Inputs;
 use hbot_host::run_loop::engine::Ticked;
@@ -12,7 +13,8 @@ use hbot_record::Replay;
 use hbot_record::replay::{Flaw, ReplayError, Report};
 use hbot_testing::patience::eventually;
 
-use super::tap::ENTRIES;
+use super::memory::{Memory, PART_NS};
+use super::tap::{ENTRIES, Entry};
 use super::*;
 
 const UNIX_NS: u64 = 1_000_000_000_000_000;
@@ -253,4 +255,39 @@ fn an_error_of_a_recording_names_the_reason_that_the_system_gives() {
     let reason = full.to_string();
     let told = with_causes(&mcap::McapError::Io(full));
     assert!(told.ends_with(&format!(": {reason}")), "{told}");
+}
+
+/// The recording of a flight log begins at a stored state of the law, before the log's first tick.
+#[test]
+fn the_recording_of_a_flight_log_has_the_stops_of_all_its_ticks() {
+    let file = SceneFile::default_scene();
+    let scene = RunningScene::new().load(file.clone());
+    let note = Arc::new(SceneNote::new(&scene, &file));
+    let mut controller = Box::new(Controller::new(RigConfig::prototype().rig));
+    let mut memory = Memory::default();
+    for tick in 0..2000 {
+        let t_ns = tick * PART_NS / 1000;
+        if memory.is_due(t_ns) {
+            memory.begin(controller.clone(), Arc::clone(&note), tick.saturating_sub(1), t_ns);
+        }
+        let inputs = Inputs::quiet(tick);
+        let outputs = controller.tick(&scene, &inputs);
+        let timing = TickTiming::default();
+        memory.push(&Entry { inputs, outputs, t_ns, scene: 0, timing, controller: None, lost: 0 }, None);
+    }
+    for tick in [900, 1100, 1900, 1950] {
+        memory.event(&Event::Fault(FaultEvent {
+            tick,
+            t: 0.001 * tick as f64,
+            mode: hbot_api::Mode::Estop,
+            fault: None,
+            message: String::new(),
+            found: None,
+            remedy: None,
+            flight_log: None,
+            by: None,
+        }));
+    }
+    let copy = memory.copy(&FlightNote { path: "log".into(), from: 1500, until: 1920 });
+    assert_eq!(copy.faults.iter().map(|fault| fault.tick).collect::<Vec<_>>(), [1100, 1900]);
 }
