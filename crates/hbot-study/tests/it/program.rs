@@ -1,5 +1,6 @@
 //! The program `hbot-study`: its exit codes, and the files left after Ctrl-C.
 
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -8,32 +9,46 @@ use predicates::prelude::PredicateBooleanExt as _;
 use predicates::str::contains;
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::paper::report;
+use crate::design::study;
 
 /// Returns a command that runs the program under test, `hbot-study`.
 fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hbot-study"))
 }
 
-/// The program's figures are those of the run in this process, to the last digit.
+/// The program's figures, report and rig files are those of the run in this process, to the last
+/// digit.
 #[test]
 fn a_study_ends_well_says_where_its_report_is_and_gives_the_same_figures_again() {
     let folder = tempfile::tempdir().expect("a folder");
+    let (first, before) = study();
+    let plot = first.chief_plot();
     assert_cmd::Command::from_std(program())
-        .args(["paper", "--quick", "--out"])
+        .args(["design", "--quick", "--out"])
         .arg(folder.path())
         .timeout(Duration::from_secs(600))
         .assert()
         .success()
-        .stdout(contains("In short\n- With all four motors").and(contains("47 of 47 checks hold\n")))
-        .stdout(contains("report.html").and(contains("margins.svg")));
-    let written = std::fs::read_to_string(folder.path().join("summary.json")).expect("a summary");
-    let [again, first] = [written, report().summary().to_string()]
-        .map(|text| serde_json::from_str::<serde_json::Value>(&text).expect("JSON"));
+        .stdout(contains("In short\n- ").and(contains(first.verdict())))
+        .stdout(contains("report.html").and(contains(plot)));
+    let read = |folder: &Path, name: &str| std::fs::read_to_string(folder.join(name)).expect("a file");
+    let [again, first] = [folder.path(), before.path()].map(|folder| {
+        serde_json::from_str::<serde_json::Value>(&read(folder, "summary.json")).expect("JSON")
+    });
     for part in ["study", "in_short", "results", "checks"] {
         assert!(first[part] != serde_json::Value::Null, "{part}");
         assert_eq!(again[part], first[part], "{part}");
     }
+    let mut files = 0;
+    for entry in std::fs::read_dir(before.path()).expect("a folder") {
+        let name = entry.expect("an entry").file_name();
+        let name = name.to_str().expect("UTF-8");
+        if name.ends_with(".toml") || name.ends_with(".svg") {
+            assert_eq!(read(folder.path(), name), read(before.path(), name), "{name}");
+            files += 1;
+        }
+    }
+    assert!(files > 15, "{files}");
 }
 
 /// The study would take minutes. It does not begin.

@@ -63,6 +63,11 @@ fn until(bench: &mut TickBench, what: &str, found: impl Fn(&Sample) -> bool) -> 
     })
 }
 
+/// Runs ticks, without waiting for answers that cannot come, until the link counts as lost.
+fn until_lost(bench: &mut TickBench) -> Sample {
+    patience::until("lost", || Some(bench.tick()).filter(|sample| sample.state.mode == Mode::Fault))
+}
+
 #[test]
 fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -70,7 +75,7 @@ fn a_line_that_vanishes_is_a_lost_link_and_comes_back_without_torque() {
     let (mut bench, pty) = plugged(&link);
     // The cable is cut. The controllers keep their power and their zeros.
     let rig = unplug(pty, &link);
-    let lost = until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
+    let lost = until_lost(&mut bench);
     assert_eq!(lost.state.cause, Some(Cause::LinkLost));
     assert!(lost.counters.send_failures > 0);
     assert_eq!(bench.order(Order::Reset).state.mode, Mode::Fault, "not while it is away");
@@ -93,7 +98,7 @@ fn controllers_that_lost_power_while_away_come_back_without_zeros() {
     let (mut bench, pty) = plugged(&link);
     let mut rig = unplug(pty, &link);
     rig.inject(InjectedFault::Reboot);
-    until(&mut bench, "lost", |sample| sample.state.mode == Mode::Fault);
+    until_lost(&mut bench);
     let _pty = plug(rig, &link);
     until(&mut bench, "back", |sample| sample.counters.reopened == 1);
     until(&mut bench, "readings", |sample| sample.state.fresh);
