@@ -3,6 +3,7 @@
 use std::thread;
 use std::time::Duration;
 
+use hbot_core::controller::{LATE_FAULT_NS, SKIPPED_FAULT};
 use serde::Serialize;
 
 use super::{Finding, Mark};
@@ -85,13 +86,15 @@ pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctualit
 
 /// Grades a measurement of lateness. It is good if at most one tick in 10,000 is late (by more than
 /// a quarter period) and none by more than a period. It is usable if at most one in 100 is late and
-/// none by more than 20 ms, which would be a fault. Otherwise it is not sufficient.
+/// none by so much that it would be the fault `deadline`. Otherwise it is not sufficient.
 #[must_use]
 pub fn verdict(measured: &Punctuality) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);
+    // After a longer delay, more than `SKIPPED_FAULT` ticks have been skipped.
+    let fault_us = (SKIPPED_FAULT as f64 * period_us).min(1.0e-3 * LATE_FAULT_NS as f64);
     let mark = if measured.p99_99_us <= period_us / 4.0 && measured.max_us <= period_us {
         Mark::Good
-    } else if measured.p99_us <= period_us / 4.0 && measured.max_us <= 20_000.0 {
+    } else if measured.p99_us <= period_us / 4.0 && measured.max_us <= fault_us {
         Mark::Usable
     } else {
         Mark::NotSufficient
@@ -165,7 +168,11 @@ mod tests {
         assert_eq!(verdict(&measured).mark, Mark::Good);
         assert_eq!(verdict(&Punctuality { p99_99_us: 251.0, ..measured }).mark, Mark::Usable);
         assert_eq!(verdict(&Punctuality { max_us: 1001.0, ..measured }).mark, Mark::Usable);
-        assert_eq!(verdict(&Punctuality { max_us: 20_001.0, ..measured }).mark, Mark::NotSufficient);
+        for (rate_hz, most_us) in [(100, 20_000.0), (1000, 10_000.0), (4000, 2500.0)] {
+            let late = |max_us| Punctuality { rate_hz, p99_99_us: 5000.0, max_us, ..measured };
+            assert_eq!(verdict(&late(most_us)).mark, Mark::Usable);
+            assert_eq!(verdict(&late(most_us + 1.0)).mark, Mark::NotSufficient);
+        }
         assert_eq!(
             verdict(&Punctuality { p99_us: 251.0, p99_99_us: 251.0, ..measured }).mark,
             Mark::NotSufficient
