@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use anyhow::{anyhow, bail};
 use clap::{Args, ValueEnum};
 use hbot_config::rig::{Port, Protocol};
-use hbot_host::rig::attach::urgent;
+use hbot_host::rig::attach::{simulated_joints, urgent};
 use hbot_sim::controller::InjectedFault;
 use hbot_sim::phenomena::{CageFriction, Hand, JointFriction, Phenomena};
 use hbot_sim::pty::{PtyOptions, spawn_pty};
@@ -66,7 +66,7 @@ const DEEDS: [Deed; 5] = [
 
 /// Runs the controllers until standard input ends or the program is interrupted.
 pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
-    let config = super::rig_file::load(args.rig.as_deref(), &[])?;
+    let mut config = super::rig_file::load(args.rig.as_deref(), &[])?;
     if let Port::Devices(devices) = &config.link.port
         && devices.len() > 1
     {
@@ -77,14 +77,17 @@ pub(crate) fn run(args: &ControllersArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let protocol = args.protocol.map_or(config.link.protocol, Protocol::from);
-    let mut rig = config.rig;
     if let Some(counts) = protocol.counts_per_turn() {
-        rig = rig
+        config.rig = config
+            .rig
             .with(|parts| parts.joints.iter_mut().for_each(|joint| joint.counts_per_turn = counts))
             .map_err(|error| anyhow!("{error}"))?;
     }
-    let mut simulated = SimulatedConfig::new(&rig);
+    let rig = &config.rig;
+    let mut simulated = SimulatedConfig::new(rig);
     simulated.line = protocol.into();
+    // With the zeros of the file: a rehearsal must not find other ones.
+    simulated.joints = simulated_joints(&config);
     // The friction that the rig file says, or that of bearings: without any, nothing comes to rest.
     let measured = rig.compensation.as_ref();
     let joints_rub = measured.is_some_and(|it| it.joints.iter().any(|joint| joint.friction.is_some()));

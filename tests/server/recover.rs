@@ -98,14 +98,21 @@ fn simulated_controllers_answer_a_scan_until_their_input_ends() {
 fn a_rig_is_rehearsed_on_simulated_controllers() {
     let state = tempfile::tempdir().expect("a folder");
     let rig = patient_rig(state.path());
+    // A zero that was measured stays as it is.
+    let drawn = std::fs::read_to_string(&rig).expect("written");
+    let measured = drawn.replacen("zero = \"assume\"", "zero_offset = 0.2\nzero = \"assume\"", 1);
+    let other = state.path().join("drawn.toml");
+    std::fs::write(&other, drawn).expect("written");
+    std::fs::write(&rig, &measured).expect("written");
     let (mut controllers, path) = controllers(&["--rig", &rig]);
     let mut hands = controllers.stdin.take().expect("piped");
-    let run = |command: &str, options: &[&str]| {
+    let run_as = |rig: &str, command: &str, options: &[&str]| {
         let mut program = assert_cmd::Command::from_std(hbot());
-        program.args(["rig", command, "--rig", &rig, "--port", &path]).args(options);
+        program.args(["rig", command, "--rig", rig, "--port", &path]).args(options);
         let output = program.output().expect("it runs");
         [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat()
     };
+    let run = |command: &str, options: &[&str]| run_as(&rig, command, options);
     // A machine that stands still for long makes controllers fall silent, and words take effect in
     // another process.
     for joint in ["1", "2", "3", "4", "1"] {
@@ -116,7 +123,16 @@ fn a_rig_is_rehearsed_on_simulated_controllers() {
         });
     }
     writeln!(hands, "turn").expect("it reads");
-    eventually("a calibration", || run("calibrate", &["--seconds", "5"]).contains("steering zero off by"));
+    eventually("a calibration", || {
+        run("calibrate", &["--seconds", "5", "--write", &rig]).contains("nothing to write into the rig file")
+    });
+    assert_eq!(std::fs::read_to_string(&rig).expect("written"), measured);
+    eventually("another zero is found", || {
+        let said = run_as(other.to_str().expect("UTF-8"), "calibrate", &["--seconds", "5"]);
+        said.contains("wheel A (wheel[0]): steering zero off by +0.")
+            && said.contains("wheel[0].steer.zero_offset = ")
+            && !said.contains("wheel[1].steer.zero_offset")
+    });
     writeln!(hands, "free\nunplug").expect("it reads");
     eventually("the line is cut", || run("scan", &[]).contains("no answer"));
     drop(hands);

@@ -6,7 +6,7 @@ use std::sync::{Arc, mpsc};
 
 use hbot_config::RigConfig;
 use hbot_config::rig::Port;
-use hbot_sim::controller::Lags;
+use hbot_sim::controller::{Lags, SimulatedJoint};
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::pty::{PtyOptions, spawn_pty};
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig, SimulatedRigError};
@@ -156,7 +156,21 @@ pub(crate) fn simulated_rig(
 ) -> Result<SimulatedRig, SimulatedRigError> {
     let line = rig.link.protocol.into();
     let lags = Lags { torque: Some(rig.torque_lag), rate: Some(rig.rate_lag) };
-    SimulatedRig::new(&SimulatedConfig { line, lags, phenomena, ..SimulatedConfig::new(&rig.rig) })
+    let joints = simulated_joints(rig);
+    SimulatedRig::new(&SimulatedConfig { line, lags, phenomena, joints, ..SimulatedConfig::new(&rig.rig) })
+}
+
+/// Returns the joints of a simulated rig that is built as `rig` describes it, with the zeros of its
+/// encoders.
+#[must_use]
+pub fn simulated_joints(rig: &RigConfig) -> Vec<SimulatedJoint> {
+    // What a count is less than is in the geometry of the rig.
+    let whole = Layout::of(rig).offsets;
+    let joints = rig.rig.joints[..rig.rig.device.joints()].iter().zip(whole).map(|(joint, counts)| {
+        let zero = f64::from(counts) * joint.radians_per_count();
+        SimulatedJoint { zero, ..SimulatedJoint::from(joint) }
+    });
+    joints.collect()
 }
 
 /// A motor bus, and the controllers on its line, which have been checked.

@@ -2,14 +2,13 @@
 //! one that the loop believes.
 
 use hbot_config::RigConfig;
-use hbot_sim::controller::{Lags, SimulatedJoint};
+use hbot_sim::controller::Lags;
 use hbot_sim::phenomena::Phenomena;
 use hbot_sim::rig::{SimulatedConfig, SimulatedRig};
 use thiserror::Error;
 
 use crate::bus::field;
-use crate::rig::attach::AttachError;
-use crate::rig::layout::Layout;
+use crate::rig::attach::{AttachError, simulated_joints};
 
 /// The reason why a rig cannot be simulated as another rig file describes it.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -78,15 +77,9 @@ pub(crate) fn simulated_rig(
     phenomena: Phenomena,
 ) -> Result<SimulatedRig, AttachError> {
     check(rig, built)?;
-    // What a count is less than is in the geometry of `built`.
-    let whole = Layout::of(built).offsets;
-    let joints = built.rig.joints[..built.rig.device.joints()].iter().zip(whole).map(|(joint, counts)| {
-        let zero = f64::from(counts) * joint.radians_per_count();
-        SimulatedJoint { zero, ..SimulatedJoint::from(joint) }
-    });
+    let joints = simulated_joints(built);
     let line = rig.link.protocol.into();
     let lags = Lags { torque: Some(built.torque_lag), rate: Some(built.rate_lag) };
-    let joints = joints.collect();
     Ok(SimulatedRig::new(&SimulatedConfig {
         line,
         lags,
