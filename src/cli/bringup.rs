@@ -138,6 +138,16 @@ pub(super) fn wheel_name(rig: &RigConfig, wheel: usize) -> String {
     format!("wheel {} (wheel[{wheel}])", rig.wheels[wheel])
 }
 
+/// What follows from another zero of a joint whose cogging the rig file has.
+const COGGING: &str =
+    "its cogging was measured with the zero of before: `hbot rig identify --motors` measures it again";
+
+/// Returns whether the rig file has cogging of `joint`. Its phases belong to the zero of the file.
+fn has_cogging(rig: &RigConfig, joint: usize) -> bool {
+    let measured = rig.rig.compensation.as_ref();
+    measured.is_some_and(|it| it.joints[joint].cogging.iter().any(|harmonic| harmonic.amplitude != 0.0))
+}
+
 /// Opens the lines of a rig, which is truly as `truth` says if it is simulated, runs `what` on
 /// them, and closes them. If a signal ends it, the motors are switched off first. The process then
 /// ends as with Ctrl-C, so that a loop in a shell does not continue with the next joint.

@@ -7,10 +7,11 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, ensure};
 use clap::Args;
 use hbot_config::RigConfig;
 use hbot_core::design::rig::Zero;
+use hbot_core::rotation::wrap_angle;
 use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
 use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, still};
 use hbot_identify::motion::Counts;
@@ -18,7 +19,7 @@ use hbot_identify::motion::Counts;
 use super::super::numbers::whole_seconds;
 use super::super::out::tell;
 use super::super::style;
-use super::{Rig, edit, joint_name, on_the_lines, wheel_name};
+use super::{COGGING, Rig, edit, has_cogging, joint_name, on_the_lines, wheel_name};
 
 /// Error of a zero that is as small as it can be made by hand, rad.
 const TRIFLE: f64 = 0.01;
@@ -87,9 +88,13 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
                 args.seconds
             )?;
         }
-        Ok(watch(bench, args.seconds)?)
+        Ok(watch(bench, &rig, args.seconds)?)
     })?;
     tell!("the sphere can rest: computing from {} readings", counts.len())?;
+    ensure!(
+        !counts.is_empty(),
+        "no index has passed on some wheel, so its zero is not known: turn the sphere until each wheel has passed its index, and try again"
+    );
     let told = told(&rig, &counts)?;
     tell!("{}\n{}", told.words.trim_end(), to_paste(&rig, &told))?;
     if let Some(file) = &args.write {
@@ -169,10 +174,21 @@ fn correct(document: &mut toml_edit::DocumentMut, corrections: &[Correction]) ->
     Ok(())
 }
 
-/// Records the counts of all joints for `seconds`, with motors off.
-fn watch(bench: &mut Bench, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
+/// Records the counts of all joints for `seconds`, with motors off. Before an encoder with an index
+/// has passed it, its counts have another zero, so nothing is recorded.
+fn watch(bench: &mut Bench, rig: &RigConfig, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
     let ticks = (f64::from(seconds) / bench.period_s()) as u32;
-    (0..ticks).map(|_| Ok(bench.exchange(None)?.counts)).collect()
+    let steers = (0..rig.rig.device.joints()).step_by(2);
+    let indexed: u16 =
+        steers.filter(|joint| rig.rig.joints[*joint].zero == Zero::Index).map(|joint| 1 << joint).sum();
+    let mut counts = Vec::new();
+    for _ in 0..ticks {
+        let reading = bench.exchange(None)?;
+        if reading.index_seen & indexed == indexed {
+            counts.push(reading.counts);
+        }
+    }
+    Ok(counts)
 }
 
 /// Evaluates recorded counts.
@@ -288,15 +304,20 @@ fn report(rig: &RigConfig, found: &Calibration) -> Result<Told, std::fmt::Error>
                 wheel.cone
             )?;
         }
-        if zero_wrong {
-            let filed = rig.zero_offsets[2 * i];
+        // With another sign the same zero is another offset.
+        let filed = rig.zero_offsets[2 * i];
+        let value = wrap_angle(if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed });
+        let is_other = zero_wrong || wheel.wrong_sign[0] && wrap_angle(value - filed).abs() > TRIFLE;
+        if is_other {
             let lasts = match rig.rig.joints[2 * i].zero {
                 Zero::Absolute | Zero::Index => "for good",
                 Zero::Assume | Zero::Calibrate => "with zero = \"assume\", until the controllers lose power",
             };
-            let value = if wheel.wrong_sign[0] { wheel.zero - filed } else { wheel.zero + filed };
             corrections.push(Correction { joint: 2 * i, key: "zero_offset", value });
             writeln!(words, "    set wheel[{i}].steer.zero_offset = {value:.4}: it holds {lasts}")?;
+        }
+        if (is_other || wheel.wrong_sign[0]) && has_cogging(rig, 2 * i) {
+            writeln!(words, "    {COGGING}")?;
         }
     }
     if let Some((most, least, apart)) = radii_apart(rig, found) {

@@ -26,7 +26,7 @@ use serde_json::json;
 use self::latency::Latency;
 use self::page::Page;
 use super::identify::motors::{self, Motion};
-use super::identify::{News, read};
+use super::identify::{News, filed, read};
 use super::{edit, joint_name};
 use crate::cli::out::{WrongLine, say, tell};
 
@@ -76,6 +76,8 @@ struct Known {
     rig: RigConfig,
     geometry: Result<Identified, String>,
     latency: Latency,
+    /// Whether a recording is of the simulated rig.
+    simulated: bool,
     motors: Result<Measured, String>,
 }
 
@@ -105,13 +107,13 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     let over =
         args.port.as_ref().map(|port| Override { path: "link.port", value: json!(port), from: "--port" });
     let rig = crate::cli::rig_file::load(Some(file), over.as_slice())?;
-    let (geometry, latency) = recorded(&rig, &runs)?;
+    let (geometry, latency, simulated) = recorded(&rig, &runs)?;
     let motors = if args.motors {
         motors::measured(&rig, &args.motion)?
     } else {
         Err("`hbot rig certify --motors` measures it".to_owned())
     };
-    let known = Known { rig, geometry, latency, motors };
+    let known = Known { rig, geometry, latency, simulated, motors };
     let text = hbot_config::read_text(file).with_context(|| file.display().to_string())?;
     let date = hbot_server::flight::utc(SystemTime::now());
     let name = format!("{date}, rig file {:08x}", crc32fast::hash(text.as_bytes()));
@@ -135,8 +137,12 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Reads what recordings show: the geometry, or why there is none, and the latency.
-fn recorded(rig: &RigConfig, runs: &[PathBuf]) -> anyhow::Result<(Result<Identified, String>, Latency)> {
+/// Reads what recordings show: the geometry, or why there is none, the latency, and whether one is
+/// of the simulated rig.
+fn recorded(
+    rig: &RigConfig,
+    runs: &[PathBuf],
+) -> anyhow::Result<(Result<Identified, String>, Latency, bool)> {
     let mut news = News::new();
     let mut recordings = Vec::new();
     let mut latency = Latency::default();
@@ -145,22 +151,27 @@ fn recorded(rig: &RigConfig, runs: &[PathBuf]) -> anyhow::Result<(Result<Identif
         latency.read(run)?;
     }
     if runs.is_empty() {
-        return Ok((Err(format!("it needs recordings: {RUNS}")), latency));
+        return Ok((Err(format!("it needs recordings: {RUNS}")), latency, false));
     }
     let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
+    let simulated = recordings.iter().any(|recording| recording.simulated);
     let found = identify(&rig.rig, &recordings, What::Geometry, &mut fitting);
     let found = match found {
         Ok(found) if found.what == What::Geometry => Ok(found),
         Ok(_) => Err("the recordings are too short for the geometry".to_owned()),
         Err(refusal) => Err(refusal.to_string()),
     };
-    Ok((found, latency))
+    Ok((found, latency, simulated))
 }
 
 fn page_of(known: &Known, file: &Path, name: &str) -> anyhow::Result<Page> {
     let rig = &known.rig;
     let mut page = Page::new(&format!("Certificate of {}", rig.name));
-    let simulated = if rig.link.port.is_simulated() { " The rig is SIMULATED." } else { "" };
+    let simulated = match (rig.link.port.is_simulated(), known.simulated) {
+        (true, _) => " The rig is SIMULATED.",
+        (false, true) => " A recording is of the SIMULATED rig: its figures say nothing about the real one.",
+        (false, false) => "",
+    };
     page.say(&format!(
         "{name} (CRC-32 of {}), hbot {}. \"95 %, ±\" is half the width of the interval that holds the truth in 95 % of the cases.{simulated}",
         file.display(),
@@ -201,10 +212,11 @@ fn geometry(page: &mut Page, known: &Known) {
             Name::Radius | Name::Centre(_) => (1.0e3, "mm"),
         };
         let number = |x: f64| format!("{:.4}", factor * x);
+        let more = filed(&known.rig, value);
         rows.push(vec![
             format!("{of}, {}{}{unit}", value.name, if unit.is_empty() { "" } else { ", " }),
-            number(value.drawn),
-            number(value.found),
+            number(value.drawn + more),
+            number(value.found + more),
             number(value.interval),
             if value.seen { how.to_owned() } else { "hardly seen: turn longer about all axes".to_owned() },
         ]);

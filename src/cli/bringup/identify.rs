@@ -13,13 +13,14 @@ use anyhow::Context as _;
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_config::RigConfig;
+use hbot_core::rotation::wrap_angle;
 use hbot_identify::identify::{Identified, Name, Value};
 use hbot_identify::{Recorded, What, identify};
 
 use super::super::numbers::positive;
 use super::super::out::{note, refuse_folder_or_pipe, tell};
 use super::super::style;
-use super::{Which, edit};
+use super::{COGGING, Which, edit, has_cogging, joint_name};
 
 /// Time between two messages about the progress.
 const NEWS: Duration = Duration::from_secs(2);
@@ -90,6 +91,9 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.out {
         write(args.which.rig.as_deref(), &rig, &found, file)?;
         tell!("{}: written", file.display())?;
+        for wheel in (0..rig.wheels.len()).filter(|wheel| has_cogging(&rig, 2 * wheel)) {
+            tell!("{}: {COGGING}", joint_name(&rig, 2 * wheel))?;
+        }
     } else {
         tell!("\nnothing is written; `--out FILE.toml` writes a rig file with what was found")?;
     }
@@ -171,11 +175,7 @@ fn report(rig: &RigConfig, recordings: &[Recorded], found: &Identified) -> anyho
 /// Returns a row of the table.
 fn row(rig: &RigConfig, value: &Value) -> String {
     let of = value.wheel.map_or_else(|| "sphere".to_owned(), |wheel| format!("wheel {}", rig.wheels[wheel]));
-    // Zeros are told as the rig file has them.
-    let more = match (value.name, value.wheel) {
-        (Name::Zero, Some(wheel)) => rig.zero_offsets[2 * wheel],
-        _ => 0.0,
-    };
+    let more = filed(rig, value);
     let (factor, unit, digits) = match value.name {
         Name::Axis(_) => (1.0, "", 6),
         Name::Cone | Name::Toe | Name::Zero => (1.0, " rad", 6),
@@ -191,6 +191,15 @@ fn row(rig: &RigConfig, value: &Value) -> String {
         number(value.interval),
         style::OFF
     )
+}
+
+/// Returns what to add to a value to tell it as the rig file has it: zeros are found relative to
+/// those of the file.
+pub(super) fn filed(rig: &RigConfig, value: &Value) -> f64 {
+    match (value.name, value.wheel) {
+        (Name::Zero, Some(wheel)) => rig.zero_offsets[2 * wheel],
+        _ => 0.0,
+    }
 }
 
 /// Returns what to record in addition.
@@ -216,7 +225,7 @@ fn write(drawing: Option<&Path>, rig: &RigConfig, found: &Identified, file: &Pat
     let mut document = edit::open(drawing)?;
     for (i, wheel) in found.wheels.iter().enumerate() {
         let table = &mut document["wheel"][i];
-        let zero = rig.zero_offsets[2 * i] + found.zeros[i];
+        let zero = wrap_angle(rig.zero_offsets[2 * i] + found.zeros[i]);
         if found.what == What::Geometry {
             let length = axis_length(&table["axis"]);
             let axis: toml_edit::Array =

@@ -14,7 +14,7 @@ fn watched() -> Vec<Counts> {
 
 fn watched_on(rig: &RigConfig) -> Vec<Counts> {
     let mut bench = open(rig, Truth::turned(), StopFlag::default(), &Program::this("none")).unwrap();
-    watch(&mut bench, 20).unwrap()
+    watch(&mut bench, rig, 20).unwrap()
 }
 
 /// Wheels that are all alike are compared with the sphere.
@@ -164,4 +164,58 @@ fn a_zero_that_is_left_to_a_calibration_is_told_with_what_to_write() {
         assert!(end.contains(words), "{end}");
     }
     assert!(!end.contains("wheel B"), "its zero is assumed: {end}");
+}
+
+/// The prototype whose first steering encoder has a zero that was measured.
+fn measured(sign: i8, zero_offset: f64) -> RigConfig {
+    mistaken("sign = 1", &format!("sign = {sign}\nzero_offset = {zero_offset}"))
+}
+
+/// With another sign the same zero is another offset, also where the zero was right.
+#[test]
+fn a_wrong_sign_takes_the_measured_zero_with_it() {
+    // Both files give the same counts: only the sign differs.
+    let counts = watched_on(&measured(-1, -0.2));
+    let Told { corrections, words, .. } = told(&measured(1, 0.2), &counts).unwrap();
+    assert!(corrections.len() == 2 && !words.contains("cogging"), "{words}");
+    for (key, value) in [("sign", -1.0), ("zero_offset", -0.2)] {
+        let correction = corrections.iter().find(|it| it.key == key).expect(key);
+        assert!(correction.joint == 0 && (correction.value - value).abs() < TRIFLE, "{correction:?}");
+    }
+}
+
+/// Rig files take offsets up to about a turn.
+#[test]
+fn a_zero_is_written_within_half_a_turn() {
+    let (truth, file) = (measured(1, 0.2), measured(1, 4.0));
+    let mut counts = watched_on(&truth);
+    let [offset, filed] =
+        [&truth, &file].map(|rig| rig.rig.joints[0].whole_counts(rig.zero_offsets[0]) as i32);
+    counts.iter_mut().for_each(|now| now[0] += filed - offset);
+    let corrections = told(&file, &counts).unwrap().corrections;
+    let [Correction { key: "zero_offset", value, .. }] = corrections[..] else { panic!("{corrections:?}") };
+    assert!((value - 0.2).abs() < TRIFLE, "{value}");
+}
+
+/// The phases of cogging belong to a zero.
+#[test]
+fn cogging_of_another_zero_is_to_be_measured_again() {
+    let cogging = "zero_offset = 0.2\ncogging = [{ per_turn = 84, amplitude = 0.01, phase = 1.0 }]\nsign = 1";
+    let Told { words, .. } = told(&mistaken("sign = 1", cogging), &watched()).unwrap();
+    assert!(!words.contains("cogging"), "nothing changes: {words}");
+    let rig = mistaken("sign = 1", cogging);
+    let mut counts = watched_on(&rig);
+    counts.iter_mut().for_each(|now| now[0] += 200);
+    let Told { words, .. } = told(&rig, &counts).unwrap();
+    assert!(words.contains("zero_offset") && words.contains(COGGING), "{words}");
+}
+
+/// The counts of an encoder jump when its index passes.
+#[test]
+fn nothing_is_recorded_before_the_index_has_passed() {
+    let rig = mistaken("zero = \"assume\"", "zero = \"index\"");
+    let counts = watched_on(&rig);
+    assert!((10_000..20_000).contains(&counts.len()), "{}", counts.len());
+    let Told { as_filed, words, .. } = told(&rig, &counts).unwrap();
+    assert!(as_filed, "{words}");
 }
