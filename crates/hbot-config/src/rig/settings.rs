@@ -92,7 +92,8 @@ pub(crate) struct Link {
     #[schemars(range(min = 9600, max = 20_000_000), extend("unit" = "baud"))]
     pub(crate) baud: u32,
     /// Watchdog time: a motor controller switches its motors off if no command arrives for this
-    /// time. At least two loop periods. If absent: 20, or 50 if the rig is simulated.
+    /// time. No effect with `odrive`. At least two loop periods. If absent: 20, or 50 if the rig is
+    /// simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "u16", range(min = 1, max = 1000), extend("unit" = "ms"))]
     pub(crate) watchdog_ms: Option<u16>,
@@ -237,8 +238,8 @@ pub(crate) struct Limits {
     #[schemars(range(max = legal::SLIP.most), extend("exclusiveMinimum" = legal::SLIP.least, "unit" = legal::SLIP.unit))]
     pub(crate) slip: f64,
     /// Thermal time constant of the motors. The fault thermal occurs if the mean square of a joint
-    /// torque over this time exceeds the square of its `continuous` torque. Absent: the motor
-    /// controllers protect the motors from heat.
+    /// torque over this time exceeds the square of its `continuous` torque. Absent: hbot
+    /// does not check this; the controllers must.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::THERMAL_TIME.most), extend("exclusiveMinimum" = legal::THERMAL_TIME.least, "unit" = legal::THERMAL_TIME.unit))]
     pub(crate) thermal_time: Option<f64>,
