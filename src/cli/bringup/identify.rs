@@ -91,7 +91,8 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     if let Some(file) = &args.out {
         write(args.which.rig.as_deref(), &rig, &found, file)?;
         tell!("{}: written", file.display())?;
-        for wheel in (0..rig.wheels.len()).filter(|wheel| has_cogging(&rig, 2 * wheel)) {
+        let moved = |wheel: &usize| found.zeros[*wheel].abs() > MOVED && has_cogging(&rig, 2 * wheel);
+        for wheel in (0..rig.wheels.len()).filter(moved) {
             tell!("{}: {COGGING}", joint_name(&rig, 2 * wheel))?;
         }
     } else {
@@ -120,6 +121,10 @@ pub(super) fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Resu
     }
     Ok(recorded)
 }
+
+/// Change of a zero by which the phases of cogging with some hundred periods in a turn change by a
+/// tenth of a radian and more, rad.
+const MOVED: f64 = 1.0e-3;
 
 /// Messages about the progress on standard error, not more often than a person reads.
 pub(super) struct News {
