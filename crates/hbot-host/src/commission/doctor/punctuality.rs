@@ -86,7 +86,7 @@ pub fn punctuality(rate_hz: u32, cpu: Option<u32>, time: Duration) -> Punctualit
 
 /// Grades a measurement of lateness. It is good if at most one tick in 10,000 is late (by more than
 /// a quarter period) and none by more than a period. It is usable if at most one in 100 is late and
-/// none by so much that it would be the fault `deadline`. Otherwise it is not sufficient.
+/// no delay is long enough for the fault `deadline`. Otherwise it is not sufficient.
 #[must_use]
 pub fn verdict(measured: &Punctuality) -> Finding {
     let period_us = 1.0e6 / f64::from(measured.rate_hz);
