@@ -143,8 +143,8 @@ pub(crate) struct Joint {
     #[serde(default = "forwards")]
     #[schemars(extend("enum" = [1, -1]))]
     pub(crate) sign: i8,
-    /// How the zero of a steering angle becomes known. Has no effect on a drive joint. `index` is
-    /// possible with protocol `hbot` only.
+    /// How the zero of a steering angle becomes known. On a drive joint: `rig identify` writes its
+    /// cogging only with `absolute` or `index`. `index` is possible with protocol `hbot` only.
     #[serde(default = "unknown")]
     pub(crate) zero: core::Zero,
     /// Angle of the joint when its encoder reads zero, as measured by `hbot rig calibrate`. Has no

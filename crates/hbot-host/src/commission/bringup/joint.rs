@@ -23,6 +23,10 @@ const RAMP_FAR: f64 = 0.05;
 const REST_S: f64 = 2.0;
 /// Time without motion after which a joint that has turned rests, s.
 const SETTLED_S: f64 = 0.1;
+/// Time in which the counts must stand before a [`ramp`], s, and the largest turn that counts as
+/// standing, rad. A joint that creeps on so slowly does not reach [`RAMP_FAR`] without a torque.
+const UNMOVED_S: f64 = 0.5;
+const UNMOVED: f64 = 0.005;
 /// Smallest turn of a joint that counts as motion, rad.
 const STILL: f64 = 0.02;
 /// Largest change of the counts of an encoder whose joint does not move.
@@ -192,12 +196,17 @@ fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outco
     // A joint that turns this fast would move noticeably during the test without any torque, so it
     // cannot be judged. A rate that is not a number is treated the same way.
     let rests = |reading: &JointReadings| reading.rates[joint].abs() <= STILL / HOLD_S;
-    // When it was last seen turning. A rate that passes through zero is no rest.
-    let mut turned = if rests(&before) { f64::NEG_INFINITY } else { came };
-    while bench.time_s() - turned < SETTLED_S && bench.time_s() - came < REST_S {
+    // When it was last seen turning. A rate that passes through zero is no rest. A ramp lasts long:
+    // rates are too noisy to show that a joint rests, so it looks at the counts first.
+    let ramps = matches!(way, Push::Ramp(_));
+    let settled_s = if ramps { UNMOVED_S } else { SETTLED_S };
+    let mut turned = if rests(&before) && !ramps { f64::NEG_INFINITY } else { came };
+    let mut stood = before;
+    while bench.time_s() - turned < settled_s && bench.time_s() - came < REST_S {
         before = bench.exchange(None)?;
-        if !rests(&before) {
-            turned = bench.time_s();
+        let crept = bench.turned(joint, before.counts[joint].wrapping_sub(stood.counts[joint]));
+        if !rests(&before) || (ramps && crept.abs() > UNMOVED) {
+            (turned, stood) = (bench.time_s(), before);
         }
     }
     let joints = bench.rig().device.joints();
@@ -206,7 +215,7 @@ fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outco
     };
     let mut outcome =
         Outcome { joint, torque, moved: 0.0, by_rate: 0.0, fastest: 0.0, verdict: Verdict::Stands };
-    if bench.time_s() - turned < SETTLED_S {
+    if bench.time_s() - turned < settled_s {
         return Ok(Outcome { torque: 0.0, verdict: Verdict::Turns, ..outcome });
     }
     // On a real line an exchange lasts longer than a period, so the times are those of the clock.
@@ -216,7 +225,7 @@ fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outco
     while time < lasts {
         let mut asked = [0.0; MAX_JOINTS];
         asked[joint] = way.torque(time);
-        if let Push::Ramp(_) = way {
+        if ramps {
             outcome.torque = asked[joint];
         }
         let reading = bench.exchange(Some(&asked))?;

@@ -195,6 +195,20 @@ fn a_joint_that_turns_already_is_not_judged_by_that() {
     assert_eq!((outcome.verdict, outcome.moved), (Verdict::Turns, 0.0), "{outcome:?}");
 }
 
+/// At 0.03 rad/s the wheel would reach the end of the ramp by itself.
+#[test]
+fn a_wheel_that_creeps_is_not_taken_for_one_that_the_motor_turns() {
+    let mut bench = bench(|_| (), false, |_| ());
+    let mut asked = [0.0; MAX_JOINTS];
+    asked[1] = 0.001;
+    let creeps = |rate: f64| rate.abs() > 0.02;
+    while !creeps(bench.exchange(Some(&asked)).unwrap().rates[1]) {}
+    let rate = bench.exchange(None).unwrap().rates[1].abs();
+    assert!((0.02..0.04).contains(&rate), "{rate}");
+    let outcome = ramp(&mut bench, 1, 0.02, 50.0).unwrap();
+    assert_eq!((outcome.verdict, outcome.torque), (Verdict::Turns, 0.0), "{outcome:?}");
+}
+
 #[test]
 fn a_line_that_falls_silent_is_told() {
     let (calls, inbox) = mpsc::channel::<crate::line::SimulatorCall>();
