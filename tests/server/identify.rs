@@ -347,4 +347,12 @@ fn a_certificate_says_what_was_measured_and_what_was_not() {
     });
     assert_eq!(about.as_deref(), Some(name.trim_matches('"')));
     assert!(folder.join("whole/drift.svg").is_file() && folder.join("whole/stiffness.svg").is_file());
+    // The same recording beside a real rig, whose file has zeros.
+    let real = kept().replace("zero = \"absolute\" ", "zero_offset = 0.0083\nzero = \"absolute\" ");
+    write("real.toml", &real.replacen("port = \"sim\"", "port = \"/dev/ttyACM9\"", 1));
+    run(folder, "rig certify real.toml run.mcap --out real").success();
+    let (real, _) = page("real");
+    println!("{real}");
+    assert!(real.contains("A recording is of the SIMULATED rig"), "{real}");
+    assert!(real.contains("zero, mrad | 8.3000 | "), "{real}");
 }
