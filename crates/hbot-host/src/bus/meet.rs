@@ -19,8 +19,8 @@ const TRIES: u32 = 10;
 const WAIT: Duration = Duration::from_millis(100);
 
 /// Number of values that a driver can store about the controllers of one line: one for the line,
-/// and one for each joint.
-const NOTES: usize = 1 + MAX_JOINTS;
+/// and two for each joint.
+const NOTES: usize = 1 + 2 * MAX_JOINTS;
 
 /// The reason why the controllers on a line were not accepted.
 #[derive(Debug, Error)]
@@ -174,12 +174,12 @@ impl Expected {
         self.joints.get(at)
     }
 
-    /// Returns a number that the driver can store about these controllers. `at` is from 0 to
+    /// Returns a number that the driver can store about these controllers. `at` is from 0 to twice
     /// [`MAX_JOINTS`], and every note starts as 0. All clones share the notes, so the bus and the
     /// thread that reopens a lost line can read what [`meet`](super::Protocol::meet) has stored.
     ///
     /// # Panics
-    /// Panics if `at` is greater than [`MAX_JOINTS`].
+    /// Panics if `at` is greater than twice [`MAX_JOINTS`].
     #[must_use]
     pub fn note(&self, at: usize) -> &AtomicI64 {
         &self.notes[at]

@@ -35,9 +35,11 @@ struct Attached {
     /// True if a call of the bus has panicked. The bus is then not called again, so that its helper
     /// process, if it has one, switches the motors off.
     broken: bool,
-    /// True if the line of this bus was reopened and no reading has followed yet. The next reading
-    /// then reports an expired watchdog, so that torque returns only after `reset` and `enable`.
-    lost: bool,
+    /// Whether this bus last said that a motor is on or off against the command. It says so for the
+    /// ticks in which only other buses say something.
+    disobeyed: bool,
+    /// Whether the line has taken a command of [`Motors::switch_off`] whole.
+    off: bool,
 }
 
 /// Everything that all buses have received since the previous tick.
@@ -74,7 +76,8 @@ impl Motors {
             joints: layout.joints(number).collect(),
             answers: None,
             broken: false,
-            lost: false,
+            disobeyed: false,
+            off: false,
         };
         Self {
             buses: buses.into_iter().enumerate().map(attach).collect(),
@@ -119,6 +122,7 @@ impl Motors {
     pub fn receive(&mut self, now_ns: u64, tick: u32) -> News {
         let mut news = News::default();
         let mut complaints = Complaints::default();
+        let mut silent_disobedience = false;
         for attached in &mut self.buses {
             let heard = attached.bus.receive(now_ns, tick);
             news.damaged = news.damaged.saturating_add(heard.damaged);
@@ -126,12 +130,14 @@ impl Motors {
             news.zeros_lost |= heard.zeros_lost;
             news.reopened += u64::from(heard.reopened);
             complaints = complaints.or(attached.complaints(&heard));
+            silent_disobedience |= attached.disobeyed;
             if let Some(reading) = heard.reading {
                 news.buses_with_reading += 1;
                 attached.answers = Some(reading.answers);
                 attached.place(&reading, &self.offsets, &mut self.readings);
             }
         }
+        complaints.disobeyed |= news.buses_with_reading > 0 && silent_disobedience;
         // The oldest answer defines the age of the combined reading. The core treats a reading as
         // new only if all of its joints are new. Once every bus has answered, complaints take
         // effect without a new one.
@@ -172,28 +178,32 @@ impl Motors {
         for attached in self.buses.iter_mut().filter(|attached| !attached.broken) {
             let taken = catch_unwind(AssertUnwindSafe(|| attached.bus.command(now_ns, &command)));
             attached.broken = taken.is_err();
-            refused += u64::from(!taken.unwrap_or(false));
+            let taken = taken.unwrap_or(false);
+            attached.off |= taken;
+            refused += u64::from(!taken);
         }
         refused
     }
 
-    /// Informs all buses that their motors are off and that no command follows. This call can
-    /// block.
+    /// Informs all buses whose line has taken a command of [`switch_off`](Self::switch_off) that
+    /// their motors are off and that no command follows. The helper processes of the others switch
+    /// the motors off when the buses are dropped. This call can block.
     pub fn release(&mut self) {
-        for attached in self.buses.iter_mut().filter(|attached| !attached.broken) {
+        for attached in self.buses.iter_mut().filter(|attached| attached.off && !attached.broken) {
             attached.broken = catch_unwind(AssertUnwindSafe(|| attached.bus.release())).is_err();
         }
     }
 }
 
 impl Attached {
-    /// Returns the complaints of the motor controllers on this bus. If the bus's line was lost and
-    /// reopened, the first reading after that also reports an expired watchdog.
+    /// Returns the complaints of the motor controllers on this bus. A line that was lost and
+    /// reopened also reports an expired watchdog, so that torque returns only after `reset` and
+    /// `enable`.
     fn complaints(&mut self, heard: &Heard) -> Complaints {
-        self.lost |= heard.reopened;
-        let says = heard.reading.is_some() || heard.complaints != Complaints::default();
-        let lost = says && std::mem::take(&mut self.lost);
-        Complaints { watchdog: heard.complaints.watchdog | lost, ..heard.complaints }
+        if heard.reading.is_some() || heard.complaints != Complaints::default() {
+            self.disobeyed = heard.complaints.disobeyed;
+        }
+        Complaints { watchdog: heard.complaints.watchdog | heard.reopened, ..heard.complaints }
     }
 
     /// Copies the joints of a reading from this bus into `readings`, which has the order of the

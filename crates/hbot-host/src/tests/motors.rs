@@ -134,31 +134,37 @@ fn a_complaint_without_a_new_reading_takes_effect_in_its_tick() {
     assert_eq!(motors.receive(0, 8).feedback.expect("a reading").complaints, Complaints::default());
 }
 
-/// A line that was reopened reports an expired watchdog with its first reading or complaint, and
-/// only with that.
+/// A line that was reopened reports an expired watchdog in that tick, before torque is sent on it.
 #[test]
-fn a_reopened_line_reports_an_expired_watchdog_once_with_its_first_word() {
+fn a_reopened_line_reports_an_expired_watchdog_once_and_at_once() {
     let watchdog =
         |motors: &mut Motors, tick| motors.receive(0, tick).feedback.map(|f| f.complaints.watchdog);
-    for complains in [false, true] {
-        let (mut motors, lines) = two_lines();
-        lines.iter().for_each(|line| line.reports(reading(4, 10)));
-        assert_eq!(watchdog(&mut motors, 5), Some(false));
-        lines[0].reports(Heard { reopened: true, ..Heard::default() });
-        assert_eq!(watchdog(&mut motors, 6), None, "nothing was said yet");
-        // The other line's reading is not the first word of the reopened one.
-        lines[1].reports(reading(6, 20));
-        assert_eq!(watchdog(&mut motors, 7), Some(false));
-        let hot = Complaints { overtemperature: true, ..Complaints::default() };
-        lines[0].reports(if complains {
-            Heard { complaints: hot, ..Heard::default() }
-        } else {
-            reading(7, 10)
-        });
-        assert_eq!(watchdog(&mut motors, 8), Some(true), "complains: {complains}");
-        lines[0].reports(reading(8, 10));
-        assert_eq!(watchdog(&mut motors, 9), Some(false));
-    }
+    let (mut motors, lines) = two_lines();
+    lines.iter().for_each(|line| line.reports(reading(4, 10)));
+    assert_eq!(watchdog(&mut motors, 5), Some(false));
+    lines[0].reports(Heard { reopened: true, ..Heard::default() });
+    assert_eq!(watchdog(&mut motors, 6), Some(true));
+    assert_eq!(watchdog(&mut motors, 7), None);
+    lines[0].reports(reading(7, 10));
+    assert_eq!(watchdog(&mut motors, 8), Some(false));
+}
+
+/// A motor that is on or off against the command stays so in ticks in which only others answer.
+#[test]
+fn a_disobedient_motor_is_reported_while_only_another_line_answers() {
+    let disobeyed =
+        |motors: &mut Motors, tick| motors.receive(0, tick).feedback.map(|f| f.complaints.disobeyed);
+    let (mut motors, lines) = two_lines();
+    lines.iter().for_each(|line| line.reports(reading(4, 10)));
+    assert_eq!(disobeyed(&mut motors, 5), Some(false));
+    let complaints = Complaints { disobeyed: true, ..Complaints::default() };
+    lines[0].reports(Heard { complaints, ..reading(5, 10) });
+    assert_eq!(disobeyed(&mut motors, 6), Some(true));
+    assert_eq!(disobeyed(&mut motors, 7), None, "nobody answers");
+    lines[1].reports(reading(7, 10));
+    assert_eq!(disobeyed(&mut motors, 8), Some(true), "the other answers");
+    lines[0].reports(reading(8, 10));
+    assert_eq!(disobeyed(&mut motors, 9), Some(false));
 }
 
 /// A line that was lost for long comes back with controllers whose watchdog has indeed expired.

@@ -150,7 +150,8 @@ fn the_last_commands_are_three_with_a_pause_between_them() {
             bench.engine.stop(first, pause);
             assert_eq!(bench.engine.counters().send_failures, 3);
             let script = bus.script();
-            assert_eq!((script.commands.len(), script.released), (3, 1));
+            // What the line has not taken is left to the helper process.
+            assert_eq!((script.commands.len(), script.released), (3, 0));
             for (k, (command, now_ns, _)) in script.commands.iter().enumerate() {
                 assert_eq!(command.tick, first.wrapping_add(k as u32));
                 assert!(!command.enable && command.torque == [0.0; MAX_JOINTS], "{command:?}");

@@ -62,7 +62,8 @@ pub enum Ended {
     TooFast,
     /// The wheels slip: their rates contradict each other by this speed, m/s.
     Slips(f64),
-    /// The zero of a steer joint is not known: its encoder has not passed its index mark.
+    /// The zero of a steer joint is not known: it is to be calibrated, or its encoder has not passed
+    /// its index mark.
     NoZero(usize),
     /// A motor controller reported these complaints.
     Complains(Complaints),
@@ -82,7 +83,8 @@ impl fmt::Display for Ended {
             ),
             Self::NoZero(joint) => write!(
                 f,
-                "the zero of joint {} is not known: turn the sphere until its encoder has passed the index mark, or calibrate",
+                "the zero of joint {} is not known: run `hbot rig calibrate` and enter its `zero`; with \"index\" turn the sphere until its \
+                 encoder has passed the mark",
                 joint + 1
             ),
             Self::Complains(_) => f.write_str("stopped: a motor controller complains (`hbot rig scan`)"),
@@ -103,7 +105,8 @@ pub struct Exchange {
     pub orientation: Quat,
 }
 
-/// Brakes a joint whose sign has just been found good, until it rests or for a second at most.
+/// Brakes a joint whose sign has just been found good, until it rests, a motor controller complains,
+/// or for a second at most.
 /// `most` is the largest torque, N m. The motors are switched off at the end, even after an error.
 ///
 /// # Errors
@@ -122,7 +125,11 @@ fn brake_on(bench: &mut Bench, joint: usize, most: f64) -> Result<(), Interrupte
         }
         let mut torque = [0.0; MAX_JOINTS];
         torque[joint] = -most * (rate / BRAKED).clamp(-1.0, 1.0);
-        rate = bench.exchange(Some(&torque))?.rates[joint];
+        let reading = bench.exchange(Some(&torque))?;
+        if reading.complaints != Complaints::default() {
+            break;
+        }
+        rate = reading.rates[joint];
     }
     Ok(())
 }
@@ -179,8 +186,12 @@ impl Excite {
     ) -> Result<Ended, Interrupted> {
         let rig = *bench.rig();
         let mut reading = bench.exchange(None)?;
-        let indexed = |j: &usize| j.is_multiple_of(2) && rig.joints[*j].zero == Zero::Index;
-        if let Some(joint) = (0..self.joints).filter(indexed).find(|j| reading.index_seen & (1 << j) == 0) {
+        let unknown = |j: &usize| match rig.joints[*j].zero {
+            Zero::Calibrate => true,
+            Zero::Index => reading.index_seen & (1 << j) == 0,
+            Zero::Assume | Zero::Absolute => false,
+        };
+        if let Some(joint) = (0..self.joints).step_by(2).find(unknown) {
             return Ok(Ended::NoZero(joint));
         }
         let begun_s = bench.time_s();

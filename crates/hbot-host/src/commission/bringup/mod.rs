@@ -201,6 +201,8 @@ impl Bench {
             // That of the command that is answered: readings before it are lost.
             self.sent_s = self.time_s();
             let now_ns = self.now_ns();
+            // Nothing pushes on while one line is silent and another one complains.
+            let drive = if complaints == Complaints::default() { drive } else { &OFF };
             // The result is ignored: if a command is not accepted, its reading does not arrive,
             // which is noticed.
             let _ = self.motors.command(now_ns, self.tick, drive);

@@ -1,9 +1,12 @@
 //! Sends the loop's commands to the moteus servos of one line, and makes readings of their answers.
 
+use std::sync::atomic::Ordering;
+
 use hbot_core::MAX_JOINTS;
 use moteus_protocol::command::PositionFormat;
 use moteus_protocol::query::QueryFormat;
 
+use super::UPTIME;
 use super::codec::{self, Turn};
 use super::servo::{STEPS, Servo, complaints};
 use super::text::{self, BREAK, Inbox, LONGEST, Said};
@@ -61,7 +64,7 @@ struct Sent {
 impl MoteusBus {
     pub(super) fn new(line: Box<dyn Line>, expected: Expected) -> Self {
         let joints = (0..expected.joints()).filter_map(|at| expected.joint(at));
-        Self {
+        let mut bus = Self {
             line,
             servos: joints.map(Servo::new).collect(),
             inbox: Inbox::new(super::dialect(&expected)),
@@ -76,6 +79,16 @@ impl MoteusBus {
             answered: None,
             cut: false,
             expected,
+        };
+        bus.met();
+        bus
+    }
+
+    /// Takes over what bring-up, at the start or after the line was lost, has noted of the servos.
+    fn met(&mut self) {
+        for (at, servo) in self.servos.iter_mut().enumerate() {
+            servo.met_ms = self.expected.note(UPTIME + at).load(Ordering::Relaxed);
+            (servo.powered_ms, servo.lost) = (None, 0);
         }
     }
 
@@ -157,11 +170,9 @@ impl MotorBus for MoteusBus {
             // That thread has also switched the motors off, so earlier commands do not tell which
             // modes to expect.
             (self.cut, self.obedience) = (false, Obedience::default());
-            for servo in &mut self.servos {
-                (servo.powered_ms, servo.lost) = (None, 0);
-                if renewed.rebooted {
-                    (servo.turns_off, servo.rezeroing) = (0, false);
-                }
+            self.met();
+            if renewed.rebooted {
+                self.servos.iter_mut().for_each(|servo| (servo.turns_off, servo.rezeroing) = (0, None));
             }
         }
         // Reads at most 4 x 4096 bytes. The rest waits for the next tick.
@@ -198,9 +209,13 @@ impl MotorBus for MoteusBus {
             } else {
                 codec::stop_frame(servo.id, watchdog)
             };
-            if !enable && servo.off && servo.position.saturating_abs() > FAR && tick.is_multiple_of(EVERY) {
-                servo.rezeroing = true;
-                codec::write_nearest_zero(&mut frame);
+            if !enable
+                && servo.off
+                && servo.position.saturating_abs() > FAR
+                && tick.is_multiple_of(EVERY)
+                && let Some(near) = servo.set_back()
+            {
+                codec::write_nearest(&mut frame, near as f32 / STEPS as f32);
             }
             let query =
                 if asked == Some(at) { &self.current_query } else { &self.queries[tick as usize % 2] };

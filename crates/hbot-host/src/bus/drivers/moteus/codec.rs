@@ -151,10 +151,10 @@ pub(super) fn write_watchdog(frame: &mut CanFdFrame, watchdog: f32) {
     data.write_f32(watchdog);
 }
 
-/// Appends a request that the servo subtract whole turns from its position. The rotor does not
-/// move. The new position is the one nearest to 0 that differs from the old one by whole turns.
-pub(super) fn write_nearest_zero(frame: &mut CanFdFrame) {
-    OutputNearestCommand::new(0.0).serialize(frame);
+/// Appends a request that the servo add or subtract whole turns of the rotor, so that its position
+/// becomes the one nearest to `turns`. The rotor does not move.
+pub(super) fn write_nearest(frame: &mut CanFdFrame, turns: f32) {
+    OutputNearestCommand::new(turns).serialize(frame);
 }
 
 /// Returns a frame that switches off all motors of a line. No servo answers it.

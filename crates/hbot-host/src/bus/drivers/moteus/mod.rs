@@ -26,6 +26,8 @@ mod text;
 
 use std::sync::atomic::Ordering;
 
+use hbot_core::MAX_JOINTS;
+
 use crate::bus::can::can_fd_ns;
 use crate::bus::{BusTraffic, Expected, Found, MeetError, MotorBus, Protocol, Traffic};
 use crate::line::Line;
@@ -43,9 +45,11 @@ const COMMAND_BYTES: usize = 48;
 const ANSWER_BYTES: usize = 32;
 
 /// Indices into the notes of an [`Expected`]. The first note says whether the line has checksums.
-/// The notes that follow hold the time at which each servo got power, in ms on the system's clock.
+/// The notes that follow hold the time at which each servo got power, in ms on the system's clock,
+/// and then how long it had had power when it said so, in ms.
 const DIALECT: usize = 0;
 const POWERED: usize = 1;
+const UPTIME: usize = POWERED + MAX_JOINTS;
 
 /// The driver for moteus servos.
 #[derive(Debug, Clone, Copy)]

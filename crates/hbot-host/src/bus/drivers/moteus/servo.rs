@@ -20,9 +20,9 @@ const CURRENT_STEP: f32 = 0.001;
 /// commands by more than this, N m. The reported torque comes from the measured current, whose
 /// noise must not cause a fault. With a motor of 0.1 N m/A, this is 5 A, far more than the noise.
 const TOO_STRONG: f32 = 0.5;
-/// Largest position of any servo, in steps: 20,000 turns. A servo beyond it is in a fault, because
-/// a position that is sent as a 32-bit integer saturates at 21,474 turns.
-const TOO_FAR: i32 = 20_000 * STEPS as i32;
+/// Largest position of any servo, in steps: 16,000 turns. A servo beyond it is in a fault, because
+/// the count wraps at 16,384 turns, which are no whole turns of a joint with another gear.
+const TOO_FAR: i32 = 16_000 * STEPS as i32;
 /// After a servo has restarted, its zero counts as lost until the servo has reported its motor off
 /// in this many answers.
 const MET_AGAIN: u32 = 100;
@@ -56,13 +56,19 @@ pub(super) struct Servo {
     /// The position that the servo last reported, in steps of 1e-5 turns.
     pub(super) position: i32,
     pub(super) turns_off: i64,
-    /// True if the servo was asked to subtract whole turns from its position and has not done so
-    /// yet.
-    pub(super) rezeroing: bool,
+    /// Whole turns of the rotor that keep the angle of the joint, and so the zero that a program
+    /// started later reads. `None` if no number does: a steer joint whose gear is a fraction.
+    back: Option<i64>,
+    /// The position near which the servo was asked to be by subtracting whole turns, in steps.
+    /// `None` if it has done so.
+    pub(super) rezeroing: Option<i64>,
     /// True if the servo reported its motor as off.
     pub(super) off: bool,
     /// Number of answers in a row in which the servo reported that it prepares to run its motor.
     enabling: u32,
+    /// How long the servo had had power at bring-up, ms. One that has had it for less time in its
+    /// first answer has restarted since then.
+    pub(super) met_ms: i64,
     /// Time at which the servo got power, ms on the loop's clock. Negative if it got power before
     /// the loop started.
     pub(super) powered_ms: Option<i64>,
@@ -90,9 +96,14 @@ impl Servo {
             reading: JointReading::default(),
             position: 0,
             turns_off: 0,
-            rezeroing: false,
+            back: match joint.gear {
+                gear if gear.fract() == 0.0 => Some(gear as i64),
+                _ => (joint.number % 2 == 1).then_some(1),
+            },
+            rezeroing: None,
             off: false,
             enabling: 0,
+            met_ms: 0,
             powered_ms: None,
             home: 0,
             temperature: 0,
@@ -106,7 +117,8 @@ impl Servo {
     /// this from `sent_ms`, the time of the last command on the loop's clock in ms, gives the time
     /// at which it got power. Returns `None` if the state lacks a value that this driver needs.
     pub(super) fn take(&mut self, state: &State, answers: u32, sent_ms: i64) -> Option<()> {
-        let powered_ms = state.uptime_ms.map(|uptime_ms| sent_ms - i64::from(uptime_ms as u32));
+        let uptime_ms = state.uptime_ms.map(|uptime_ms| i64::from(uptime_ms as u32));
+        let powered_ms = uptime_ms.map(|uptime_ms| sent_ms - uptime_ms);
         let (mode, position, velocity) = (state.mode?, state.position?, state.velocity?);
         // `complaints` judges the torque.
         state.torque?;
@@ -119,7 +131,8 @@ impl Servo {
         self.answered = Some(answers);
         self.off = mode == 0;
         self.enabling = if ENABLING_MODES.contains(&mode) { self.enabling + 1 } else { 0 };
-        self.look_for_reboot(powered_ms, state.home.unwrap_or(self.home));
+        let since_met = self.powered_ms.is_none() && uptime_ms.is_some_and(|ms| ms < self.met_ms);
+        self.look_for_reboot(powered_ms, state.home.unwrap_or(self.home), since_met);
         if position != i32::MIN {
             self.follow(position);
         }
@@ -155,13 +168,14 @@ impl Servo {
     /// later than its earlier answers showed, or if its home state is lower than before. The home
     /// state says how the servo's zero is known. `powered_ms` is the time at which the servo got
     /// power according to its newest answer, in ms on the loop's clock. It is `None` if the answer
-    /// does not contain the time since power-on.
-    fn look_for_reboot(&mut self, powered_ms: Option<i64>, home: i8) {
+    /// does not contain the time since power-on. `since_met` is true if the servo has restarted since
+    /// bring-up.
+    fn look_for_reboot(&mut self, powered_ms: Option<i64>, home: i8, since_met: bool) {
         let before = self.powered_ms.or(powered_ms);
         let later_by = powered_ms.zip(before).map_or(0, |(now, before)| later_by(now, before));
-        if later_by > SLACK_MS || home < self.home {
+        if later_by > SLACK_MS || home < self.home || since_met {
             (self.lost, self.powered_ms) = (MET_AGAIN, powered_ms);
-            (self.turns_off, self.rezeroing) = (0, false);
+            (self.turns_off, self.rezeroing) = (0, None);
         } else {
             self.lost = self.lost.saturating_sub(u32::from(self.off));
             // The clocks of the servo and of the host drift apart, so the stored time follows
@@ -171,14 +185,22 @@ impl Servo {
         self.home = home;
     }
 
+    /// Returns the position near which the servo is to be by subtracting whole turns, in steps, if
+    /// any turns can be subtracted.
+    pub(super) fn set_back(&mut self) -> Option<i64> {
+        let (position, back) = (i64::from(self.position), self.back? * STEPS);
+        self.rezeroing = Some(position - (position + back / 2).div_euclid(back) * back);
+        self.rezeroing
+    }
+
     /// Updates the encoder count from the position that the servo has just reported. If the servo
     /// was asked to subtract whole turns and has now done so, these turns are added again, so that
     /// the count has no jump.
     fn follow(&mut self, position: i32) {
-        if self.rezeroing && position.abs() < STEPS as i32 {
+        if self.rezeroing.is_some_and(|near| (i64::from(position) - near).abs() < STEPS) {
             let taken = i64::from(self.position) - i64::from(position);
             self.turns_off += (taken + STEPS / 2).div_euclid(STEPS);
-            self.rezeroing = false;
+            self.rezeroing = None;
         }
         self.position = position;
         let steps = i64::from(position) + self.turns_off * STEPS;

@@ -10,7 +10,7 @@ use moteus_protocol::{CanFdFrame, Resolution};
 
 use super::codec::{self, State, Turn};
 use super::text::{self, BREAK, Dialect, Inbox, Said};
-use super::{BROADCAST, DIALECT, POWERED};
+use super::{BROADCAST, DIALECT, POWERED, UPTIME};
 use crate::bus::{Expected, MeetError, converse};
 use crate::line::Line;
 
@@ -178,6 +178,7 @@ impl<'a> Talk<'a> {
     /// reported, in ms.
     pub(super) fn note_power(&self, at: usize, uptime_ms: i32) {
         self.expected.note(POWERED + at).store(powered(uptime_ms), Ordering::Relaxed);
+        self.expected.note(UPTIME + at).store(i64::from(uptime_ms as u32), Ordering::Relaxed);
     }
 
     pub(super) fn expected(&self) -> &'a Expected {

@@ -22,6 +22,9 @@ pub(super) const COUNTS_PER_TURN: f64 = (1_u32 << 21) as f64;
 /// absolute encoder starts within one turn of 0, any other encoder at 0. Half a turn is added for
 /// motion after the restart.
 pub(super) const BOOT_TURNS: f64 = 1.5;
+/// Distance of the first position from the mark above which the driver leaves whole turns of the
+/// joint out of the count, in turns of the encoder. The count wraps at 1024.
+const FAR_TURNS: f64 = 512.0;
 /// Largest plausible difference between a position and the position that the velocities predict, in
 /// turns. A larger difference counts as a jump, which can mean a restart.
 const JUMP_TURNS: f64 = 0.5;
@@ -242,6 +245,12 @@ impl Axis {
             if self.trust == Trust::Met && (booted || jumped && silent_ns <= CLOSE_NS) {
                 self.distrust();
             }
+        } else if self.trust == Trust::Met && may_be_booted(position) {
+            // Bring-up has marked it.
+            self.distrust();
+        } else if self.answers.is_none() && (position - self.mark).abs() > FAR_TURNS {
+            // Whole turns of the joint, so that the count does not wrap at an angle of its own.
+            self.base = -((position - self.mark) / self.gear).round() * self.gear;
         }
         if self.trust == Trust::Marking && !may_be_booted(position) {
             self.trust = Trust::Met;

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use hbot_core::MAX_JOINTS;
 
 use super::axis::Axis;
-use super::message::{Command, decode};
+use super::message::{Command, decode, state};
 use super::order::{Order, Times};
 use super::proof::PROVED_ARMED;
 use super::slcan::{Decoder, Word};
@@ -38,6 +38,8 @@ pub(super) struct OdriveBus {
     answered: Option<u32>,
     /// Index of the axis that was asked last.
     turn: usize,
+    /// Time of the last command, ns.
+    now_ns: u64,
 }
 
 impl OdriveBus {
@@ -61,6 +63,7 @@ impl OdriveBus {
             cut: false,
             answered: None,
             turn: 0,
+            now_ns: 0,
         }
     }
 
@@ -161,6 +164,7 @@ impl MotorBus for OdriveBus {
 
     fn command(&mut self, now_ns: u64, command: &BusCommand) -> bool {
         let BusCommand { tick, enable, torque, .. } = *command;
+        self.now_ns = now_ns;
         if self.fresh || enable != self.order.on {
             self.order = Order { on: enable, since: tick };
         }
@@ -187,6 +191,14 @@ impl MotorBus for OdriveBus {
     }
 
     fn release(&mut self) {
-        self.line.release();
+        // An axis that proves its watchdog after a restart is not told to be idle before.
+        self.outbox.clear();
+        for axis in &self.axes {
+            Command::AxisState(state::IDLE).write(axis.id, &mut self.outbox);
+        }
+        let taken = self.line.write(self.now_ns, &self.outbox);
+        if taken.is_ok_and(|written| written == self.outbox.len()) {
+            self.line.release();
+        }
     }
 }

@@ -72,8 +72,11 @@ pub(super) fn meet(line: &mut dyn Line, expected: &Expected) -> Result<(), MeetE
             expected.set_firmware(at, name);
         }
     }
-    let refused = marks(&mut talk, expected)?;
-    refused.map_or(Ok(()), |(id, remedy)| Err(said(id, &remedy)))
+    if let Some(refused) = marks(&mut talk, expected)? {
+        return Err(said(refused.0, &refused.1));
+    }
+    let chatty = ids.iter().find_map(|id| Some((*id, unasked(talk.of(*id))?)));
+    chatty.map_or(Ok(()), |(id, remedy)| Err(said(id, &remedy)))
 }
 
 /// Switches the motors off. Returns whether an axis may have restarted since its last bring-up.
@@ -107,6 +110,7 @@ pub(super) fn scan(line: &mut dyn Line, expected: &Expected) -> Result<Vec<Found
         if talk.of(id).error & error::WATCHDOG_TIMER_EXPIRED == 0 {
             remedies.push(no_watchdog_idle());
         }
+        remedies.extend(unasked(talk.of(id)));
         let others = talk.of(id).error & !error::WATCHDOG_TIMER_EXPIRED;
         if others != 0 {
             remedies.push(Remedy {
@@ -172,7 +176,8 @@ fn crowd(talk: &Talk<'_>, expected: &Expected) -> Option<String> {
     if let Some(id) = there.iter().find(|id| talk.of(**id).answered > talk.of(**id).asked) {
         return Some(format!(
             "two ODrives have the id {id}: disconnect one and give the other a new one \
-             (odrv0.axis0.config.can.node_id = N, odrv0.save_configuration())"
+             (odrv0.axis0.config.can.node_id = N, odrv0.save_configuration()); if there is one, it sends its version \
+             unasked (odrv0.axis0.config.can.version_msg_rate_ms = 0)"
         ));
     }
     let missing: Vec<u8> = ids.iter().copied().filter(|id| talk.of(*id).firmware.is_none()).collect();
@@ -225,6 +230,17 @@ fn settings(met: &Met, listened_ms: u64) -> Vec<Remedy> {
         wrong(what, format!("odrv0.axis0.config.can.heartbeat_msg_rate_ms = 10; {save}"));
     }
     remedies
+}
+
+/// Returns the remedy for an axis that sends its current or temperature without being asked. The
+/// loop asks for them to learn how old positions are, and would take them for answers.
+fn unasked(met: &Met) -> Option<Remedy> {
+    let settings = ["iq_msg_rate_ms", "temperature_msg_rate_ms"];
+    let (_, setting) = met.unasked.iter().zip(settings).find(|(heard, _)| **heard > 0)?;
+    Some(Remedy {
+        what: "it sends its current or temperature unasked, so nobody knows how old its positions are".to_owned(),
+        command: format!("odrv0.axis0.config.can.{setting} = 0; odrv0.save_configuration()"),
+    })
 }
 
 /// The first axis that fails a check, with what is wrong and its remedy. `None` if all pass.

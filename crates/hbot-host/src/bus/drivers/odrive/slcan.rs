@@ -18,8 +18,8 @@ const LONGEST: usize = 1 + 8 + 1 + 16;
 pub const FRAME_BYTES: usize = 1 + 3 + 1 + 16 + 1;
 
 /// Opens the CAN channel of an adapter at 1 Mbit/s. The carriage returns first end any half line.
-/// An adapter whose channel is already open refuses the rest and keeps its settings.
-pub const OPEN: &[u8] = b"\r\r\rS8\rO\r";
+/// The channel is closed before, since an open one keeps its bit rate.
+pub const OPEN: &[u8] = b"\r\r\rC\rS8\rO\r";
 
 /// A CAN frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,6 +8,8 @@ use crate::line::Line;
 
 /// Number of possible ids of an axis.
 pub(super) const IDS: usize = 64;
+/// Time at the start of a conversation in which answers to another program can still arrive, ms.
+const STALE_MS: u64 = 50;
 
 /// Numbers and latest contents of the messages that have arrived from the axis with one id.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -32,6 +34,9 @@ pub(super) struct Met {
     pub(super) position: Option<f64>,
     /// Supply voltage, in V.
     pub(super) supply: Option<f64>,
+    /// Numbers of currents and temperatures received, for which bring-up does not ask. Those of the
+    /// first [`STALE_MS`] may answer a program that has ended.
+    pub(super) unasked: [u32; 2],
 }
 
 impl Met {
@@ -135,7 +140,9 @@ impl<'a> Talk<'a> {
                 met.position = Some(f64::from(position)).filter(|position| position.is_finite());
             }
             Message::Supply { voltage, .. } => met.supply = Some(f64::from(voltage)),
-            Message::Errors { .. } | Message::Current { .. } | Message::Temperature { .. } => {}
+            Message::Current { .. } => met.unasked[0] += u32::from(self.now_ms > STALE_MS),
+            Message::Temperature { .. } => met.unasked[1] += u32::from(self.now_ms > STALE_MS),
+            Message::Errors { .. } => {}
         }
     }
 

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use hbot_core::allocation::{ContactArms, traction};
 use hbot_core::design::kinematics::Posture;
+use hbot_core::design::rig::Zero;
 use hbot_testing::prototype::device_with;
 
 use super::super::excite::{Ended, Exchange, Excitation, brake, excite};
@@ -127,11 +128,13 @@ fn every_end_of_an_excitation_leaves_the_motors_off() {
     assert!(matches!(excited(&mut bench, &GENTLE), Ok(Ended::Slips(_))));
     assert!(pushes(&heard) > 0);
 
-    let (mut bench, heard) = recorded();
-    bench.stop = StopFlag::default();
-    bench.rig = bench.rig.with(|rig| rig.joints[2].zero = hbot_core::design::rig::Zero::Index).unwrap();
-    assert_eq!(excited(&mut bench, &GENTLE), Ok(Ended::NoZero(2)));
-    assert_eq!(pushes(&heard), 0);
+    for unknown in [Zero::Index, Zero::Calibrate] {
+        let (mut bench, heard) = recorded();
+        bench.stop = StopFlag::default();
+        bench.rig = bench.rig.with(|rig| rig.joints[2].zero = unknown).unwrap();
+        assert_eq!(excited(&mut bench, &GENTLE), Ok(Ended::NoZero(2)));
+        assert_eq!(pushes(&heard), 0);
+    }
 
     // A hot motor and a silent line. A line that is cut hears no last command either, so here only
     // the answers are lost.

@@ -228,15 +228,15 @@ fn what_waits_on_a_line_is_read_in_one_tick() {
 
 /// A servo is asked to subtract whole turns only in every hundredth tick, only while its motor is
 /// commanded off and reported as off, and only if it is further than 100 turns from its zero. The
-/// request writes the float 0 to register 0x130.
+/// request writes the float 0 to register 0x130, since the joint has no gear.
 #[test]
 fn whole_turns_are_subtracted_from_a_far_position_of_a_motor_that_is_off_and_never_otherwise() {
     const REQUEST: &str = "0DB00200000000";
-    const FAR: i32 = 10_000_001;
+    const FAR: i32 = 10_100_000;
     for (enable, mode, position, tick, asked) in [
         (false, 0, FAR, 2100, true),
         (false, 0, -FAR, 2100, true),
-        (false, 0, FAR - 1, 2100, false),
+        (false, 0, 10_000_000, 2100, false),
         (false, 0, 5, 2100, false),
         (false, 0, FAR, 2101, false),
         (false, 10, FAR, 2100, false),

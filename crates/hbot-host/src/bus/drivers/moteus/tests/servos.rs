@@ -75,15 +75,16 @@ fn a_limit_is_no_fault() {
     assert_eq!(bench.ticks(20, false).0, Complaints::default());
 }
 
-/// While the motor of a drive joint is off, the motor is turned by 255 turns. The servo subtracts
-/// whole turns from its position, and the encoder count continues without a jump.
+/// While the motor of a drive joint is off, the motor is turned by 238 turns. The servo subtracts
+/// turns from its position, whole ones of the joint, so that a program that is started later reads
+/// the joint's angle, and the encoder count continues without a jump.
 #[test]
 fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     let mut bench = Bench::new();
     bench.ticks(5, false);
     let mut last = None;
-    for step in 0..600 {
-        // The wheel turns once in 40 ticks: 17 turns of the motor, 255 turns in all.
+    for step in 0..560 {
+        // The wheel turns once in 40 ticks: 17 turns of the motor, 237.575 turns in all.
         let angle = f64::from(step) * 2.0 * std::f64::consts::PI / 40.0;
         bench.post(move |rig| rig.set_state(PlantState { drive: [angle; 8], ..PlantState::default() }));
         let heard = bench.tick(false);
@@ -98,6 +99,28 @@ fn turns_are_taken_off_a_far_position_and_the_count_goes_on() {
     // The servo's own position must stay within 100 turns.
     let position = asked(&mut bench, 2, false).position.expect("a position");
     assert!(position.abs() < 10_000_000, "{position} steps of 1e-5 turns");
+    assert!((23_757_500 - position) % 1_700_000 <= 2, "{position} steps of 1e-5 turns");
+}
+
+/// Without whole turns of both, a steer joint's zero would be another one for the next program.
+#[test]
+fn nothing_is_subtracted_from_a_steer_joint_whose_gear_is_a_fraction() {
+    for (number, gear, near) in
+        [(0, 2.5, None), (1, 2.5, Some(0)), (0, 3.0, Some(100_000)), (1, 3.0, Some(100_000))]
+    {
+        let mut servo =
+            Servo::new(&ExpectedJoint { number, id: 1, counts_per_turn: 131_072, gear, peak: 0.93 });
+        servo.position = 12_100_000;
+        assert_eq!(servo.set_back(), near, "joint {number}, gear {gear}");
+    }
+}
+
+/// Lines are met one after the other, so seconds can pass before the first tick.
+#[test]
+fn a_servo_that_restarts_between_bring_up_and_the_first_tick_has_lost_its_zero() {
+    let mut bench = Bench::new();
+    bench.post(|rig| rig.inject(InjectedFault::RebootOne(3)));
+    assert!(bench.ticks(5, false).2);
 }
 
 /// Runs one tick. Returns the state that servo `id` reports if it is queried before this tick's

@@ -127,8 +127,7 @@ fn clocks_that_drift_apart_are_no_restart_and_half_a_second_is_one() {
     }
 }
 
-/// A position saturates at 21,474 turns if it is sent as an integer. The lowest integer means that
-/// there is no value.
+/// A count wraps at 16,384 turns. The lowest integer means that there is no value.
 #[test]
 fn a_position_too_far_a_value_that_is_missing_and_a_board_too_hot_are_complaints_each_alone() {
     let none = Complaints::default();
@@ -138,11 +137,11 @@ fn a_position_too_far_a_value_that_is_missing_and_a_board_too_hot_are_complaints
     let warm = |degrees| State { temperature: Some(degrees), ..STOPPED };
     for (state, wanted) in [
         (STOPPED, none),
-        // 20,000 turns.
-        (at(2_000_000_000), none),
-        (at(-2_000_000_000), none),
-        (at(2_000_000_001), fault),
-        (at(-2_000_000_001), fault),
+        // 16,000 turns.
+        (at(1_600_000_000), none),
+        (at(-1_600_000_000), none),
+        (at(1_600_000_001), fault),
+        (at(-1_600_000_001), fault),
         (at(i32::MAX), fault),
         (at(-i32::MAX), fault),
         (at(i32::MIN), not_finite),

@@ -57,7 +57,7 @@ fn stops_are_those_of_the_vendor_s_encoder() {
         let id = vector["id"].as_u64().expect("an id") as u8;
         let mut frame = codec::stop_frame(id, single(&vector["watchdog"]));
         if vector["rezero"] == true {
-            codec::write_nearest_zero(&mut frame);
+            codec::write_nearest(&mut frame, 0.0);
         }
         codec::state_query(turn(&vector)).serialize(&mut frame);
         assert_eq!(lines(&frame).as_slice(), strings(&vector["lines"]), "{vector}");

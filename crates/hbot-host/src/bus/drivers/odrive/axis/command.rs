@@ -22,11 +22,13 @@ impl Axis {
             return self.command_off(tick, order, line);
         }
         Command::InputTorque((torque / self.gear) as f32).write(self.id, line);
-        if age == 0 {
+        let waits = !self.was_on && self.state != state::CLOSED_LOOP;
+        let again = waits && age < self.times.on && age.is_multiple_of(self.times.on_again);
+        // The mode is sent twice before the state: without it the axis would hold its position.
+        if age <= 1 || again {
             Command::TorqueMode.write(self.id, line);
         }
-        let waits = !self.was_on && self.state != state::CLOSED_LOOP;
-        if age == 0 || waits && age < self.times.on && age.is_multiple_of(self.times.on_again) {
+        if age == 1 || age > 1 && again {
             Command::AxisState(state::CLOSED_LOOP).write(self.id, line);
         }
     }

@@ -271,17 +271,35 @@ fn a_jump_or_a_silence_shows_a_restart() {
         (3.0, 1000, 3.0, false),
     ] {
         let mut bench = Bench::new(1.0);
+        // It turns there within 0.1 s.
+        bench.at(3.0, 20.0 * (from - 3.0));
+        bench.tick += 100;
         bench.at(from, 0.0);
         bench.tick += silent_ms;
         bench.at(to, 0.0);
         assert_eq!(bench.axis.is_lost(), lost, "from {from} to {to} in {silent_ms} ms");
     }
+    // Bring-up has marked it. What is near 0 then has restarted since.
+    let mut restarted = Bench::new(1.0);
+    restarted.at(0.5, 0.0);
+    assert!(restarted.axis.is_lost());
     // 100 turns per second for 10 ms are one turn.
     let mut turning = Bench::new(1.0);
     turning.at(3.0, 100.0);
     turning.tick += 10;
     turning.at(4.0, 100.0);
     assert!(!turning.axis.is_lost());
+}
+
+/// The count wraps at 1024 turns of the encoder, which are no whole turns of this joint.
+#[test]
+fn the_first_position_is_counted_from_the_mark_without_whole_turns_of_the_joint_if_it_is_far() {
+    let mark = super::super::axis::mark(17.0);
+    for (turns, counted) in [(510.0, 510.0), (1700.25, 0.25), (-1700.25, -0.25)] {
+        let mut bench = Bench::new(17.0);
+        bench.at((mark + turns) as f32, 0.0);
+        assert_eq!(f64::from(bench.axis.count()), counted * f64::from(1 << 21), "{turns}");
+    }
 }
 
 /// The mark of a gear of 1 is at three turns.

@@ -93,13 +93,34 @@ fn axes_that_do_not_answer_are_asked_every_5_ms_in_turn() {
     }
 }
 
+/// An axis that proves its watchdog has not been told to be idle. A line that takes no more bytes
+/// is left to its helper process.
 #[test]
-fn the_line_learns_that_its_motors_are_off_for_good() {
-    let wire = ScriptedLine::default();
-    let mut bus = bus(&wire);
-    assert!(wire.end().released == 0);
-    bus.release();
-    assert!(wire.end().released == 1);
+fn the_line_learns_that_its_motors_are_off_for_good_when_every_axis_is_told_to_be_idle() {
+    for (room, released) in [(None, 1), (Some(20), 0)] {
+        let wire = ScriptedLine::default();
+        let mut bus = bus(&wire);
+        wire.end().room = room;
+        bus.release();
+        assert_eq!(wire.end().released, released);
+        let right = Odrive.off_bytes(&expected());
+        assert!(right[1..].starts_with(&wire.end().written), "{:?}", wire.end().written);
+    }
+}
+
+/// The loop would take them for answers, and old positions for new ones.
+#[test]
+fn an_axis_that_sends_its_current_or_temperature_unasked_is_named_and_one_that_answers_late_is_not() {
+    let remedies = |text: &'static str| {
+        let [beats, positions] = reports(state::IDLE, error::WATCHDOG_TIMER_EXPIRED, [0x4040_0000; 4]);
+        let versions: String = (0..4).map(|id| format!("t{:03X}80203040500060A00\r", id << 5)).collect();
+        let mut line = Canned { bytes: (beats + &positions + &versions + text).into_bytes(), reads: 0 };
+        let found = Odrive.scan(&mut line, &expected()).expect("they are there");
+        found[0].remedies.iter().map(|remedy| remedy.command.clone()).collect::<Vec<_>>().concat()
+    };
+    assert!(!remedies("").contains("_msg_rate_ms = 0"));
+    assert!(remedies("t01480000000000000000\r").contains("can.iq_msg_rate_ms = 0"));
+    assert!(remedies("t01580000C8410000C841\r").contains("can.temperature_msg_rate_ms = 0"));
 }
 
 /// A carriage return ends a half line. Message 7 with state 1 switches an axis off.

@@ -19,11 +19,11 @@ const TORQUE: &str = "t02E86F12033B00000000";
 #[test]
 fn motors_are_switched_on_with_mode_torque_and_state_and_the_state_is_repeated_for_0_3_s() {
     let mut bench = Bench::new(17.0);
-    assert_eq!(bench.command(true), [TORQUE, TORQUE_MODE, CLOSED_LOOP]);
+    assert_eq!(bench.command(true), [TORQUE, TORQUE_MODE]);
     bench.beat(state::IDLE, 0);
     for tick in 1..400_u32 {
-        let repeated = tick.is_multiple_of(10) && tick < 300;
-        let right: &[&str] = if repeated { &[TORQUE, CLOSED_LOOP] } else { &[TORQUE] };
+        let repeated = tick == 1 || tick.is_multiple_of(10) && tick < 300;
+        let right: &[&str] = if repeated { &[TORQUE, TORQUE_MODE, CLOSED_LOOP] } else { &[TORQUE] };
         assert_eq!(bench.command(true), right, "tick {tick}");
     }
 }
@@ -46,6 +46,7 @@ fn a_motor_that_was_on_is_not_switched_on_again_before_motors_are_commanded_off(
     let mut bench = Bench::pushing();
     bench.commands_until(60, true);
     assert_eq!(bench.command(false), [IDLE, NO_TORQUE]);
+    assert_eq!(bench.command(true), [TORQUE, TORQUE_MODE]);
     assert_eq!(bench.command(true), [TORQUE, TORQUE_MODE, CLOSED_LOOP]);
     bench.beat(state::IDLE, 0);
     assert_eq!(bench.complaints(), Complaints::default());
