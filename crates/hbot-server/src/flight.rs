@@ -157,8 +157,7 @@ impl Flight {
     /// [`MAX_FILES`], as [`prune`] describes. Blocks until the file is written.
     ///
     /// # Errors
-    /// Returns the operating system's error if the file cannot be created or written, or if an old
-    /// log cannot be removed.
+    /// Returns the operating system's error if the file cannot be created or written.
     pub fn write(&self) -> io::Result<()> {
         let dir = self.path.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(dir)?;
@@ -171,7 +170,10 @@ impl Flight {
             let _ = fs::remove_file(&part);
         }
         written?;
-        prune(&self.path)
+        if let Err(error) = prune(&self.path) {
+            tracing::warn!(%error, "old flight logs cannot be removed");
+        }
+        Ok(())
     }
 
     fn write_to(&self, file: File) -> io::Result<()> {

@@ -17,5 +17,7 @@ pub(crate) fn still(tick: u64) -> Sample {
         counters: Counters::default(),
         answers: [None; MAX_COMMANDS],
         telemetry: Default::default(),
+        complaints: Default::default(),
+        restarted: false,
     }
 }

@@ -11,8 +11,10 @@ use anyhow::{Context as _, ensure};
 use clap::Args;
 use hbot_config::RigConfig;
 use hbot_core::design::rig::Zero;
+use hbot_core::inputs::Complaints;
 use hbot_core::rotation::wrap_angle;
-use hbot_host::commission::bringup::{Bench, Interrupted, Truth};
+use hbot_host::commission::bringup::joint::Verdict;
+use hbot_host::commission::bringup::{Bench, Truth};
 use hbot_identify::calibrate::{Calibration, calibrate, exchanged, explains, still};
 use hbot_identify::motion::Counts;
 
@@ -83,12 +85,13 @@ pub(crate) fn run_calibrate(args: &CalibrateArgs) -> anyhow::Result<ExitCode> {
                 args.seconds
             )?;
         } else {
+            bench.switch_off()?;
             tell!(
                 "motors are off: turn the sphere about all axes, slowly and without letting it slip, for {} s",
                 args.seconds
             )?;
         }
-        Ok(watch(bench, &rig, args.seconds)?)
+        watch(bench, &rig, args.seconds)
     })?;
     tell!("the sphere can rest: computing from {} readings", counts.len())?;
     ensure!(
@@ -176,7 +179,10 @@ fn correct(document: &mut toml_edit::DocumentMut, corrections: &[Correction]) ->
 
 /// Records the counts of all joints for `seconds`, with motors off. Before an encoder with an index
 /// has passed it, its counts have another zero, so nothing is recorded.
-fn watch(bench: &mut Bench, rig: &RigConfig, seconds: u32) -> Result<Vec<Counts>, Interrupted> {
+///
+/// # Errors
+/// Fails if a controller complains, or has restarted: its counts may have another zero.
+fn watch(bench: &mut Bench, rig: &RigConfig, seconds: u32) -> anyhow::Result<Vec<Counts>> {
     let ticks = (f64::from(seconds) / bench.period_s()) as u32;
     let steers = (0..rig.rig.device.joints()).step_by(2);
     let indexed: u16 =
@@ -184,6 +190,9 @@ fn watch(bench: &mut Bench, rig: &RigConfig, seconds: u32) -> Result<Vec<Counts>
     let mut counts = Vec::new();
     for _ in 0..ticks {
         let reading = bench.exchange(None)?;
+        // With motors off, a watchdog that expires does no harm.
+        let complaints = Complaints { watchdog: false, disobeyed: false, ..reading.complaints };
+        ensure!(complaints == Complaints::default(), "{}", Verdict::Complains(complaints));
         if reading.index_seen & indexed == indexed {
             counts.push(reading.counts);
         }

@@ -195,6 +195,8 @@ impl Engine {
             counters: self.counters,
             answers,
             telemetry: self.motors.next_telemetry(moment.t_ns),
+            complaints: news.feedback.map(|feedback| feedback.complaints).unwrap_or_default(),
+            restarted: news.zeros_lost,
         };
         let placed = self.bridge.publish(sample);
         self.counters.dropped_samples += u64::from(!placed);

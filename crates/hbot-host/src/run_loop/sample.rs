@@ -1,6 +1,6 @@
 //! The sample that the loop publishes in each tick.
 
-use hbot_core::inputs::MAX_COMMANDS;
+use hbot_core::inputs::{Complaints, MAX_COMMANDS};
 use hbot_core::outputs::{Reply, State};
 
 use crate::bus::Telemetry;
@@ -23,6 +23,10 @@ pub struct Sample {
     /// The number of a joint, and what its controller last reported about itself. The joints of the
     /// rig take turns, one in each tick, so that a sample stays small.
     pub telemetry: (usize, Telemetry),
+    /// What all motor controllers complain of in this tick.
+    pub complaints: Complaints,
+    /// Whether a motor controller may have restarted.
+    pub restarted: bool,
 }
 
 /// The loop's answer to one order of the service.

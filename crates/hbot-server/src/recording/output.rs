@@ -193,13 +193,14 @@ impl Output {
     /// Ends the open file with its index. `tick` is the number of the tick after the last one.
     pub(super) fn close(&mut self, tick: u64, at: u64) {
         self.write(|file| file.end_gap(tick, at));
-        if let Some(Open { path, writer, .. }) = self.file.take() {
+        if let Some(Open { path, writer, unflushed, .. }) = self.file.take() {
             // The file is complete after it is dropped.
-            let finished = writer.finish().map(drop);
-            self.counts.end_file(&path, finished.is_ok());
-            match finished {
-                Ok(()) => tracing::info!(path = %path.display(), "recording written"),
-                Err(error) => self.failed(&path, &error),
+            match writer.finish().map(drop) {
+                Ok(()) => {
+                    self.counts.end_file(&path, true);
+                    tracing::info!(path = %path.display(), "recording written");
+                }
+                Err(error) => self.give_up(&path, unflushed, &error),
             }
         }
     }
@@ -210,16 +211,20 @@ impl Output {
         match write(file) {
             Ok(value) => Some(value),
             Err(error) => {
-                if let Some(file) = self.file.take() {
-                    // Nobody knows how many of these ticks are in the file.
-                    self.counts.written.fetch_sub(file.unflushed, Ordering::Relaxed);
-                    self.miss(file.unflushed);
-                    self.counts.end_file(&file.path, false);
-                    self.failed(&file.path, &error);
+                if let Some(Open { path, unflushed, .. }) = self.file.take() {
+                    self.give_up(&path, unflushed, &error);
                 }
                 None
             }
         }
+    }
+
+    /// Gives up a file, of which nobody knows how many of the last `unflushed` ticks are in it.
+    fn give_up(&mut self, path: &Path, unflushed: u64, error: &McapError) {
+        self.counts.written.fetch_sub(unflushed, Ordering::Relaxed);
+        self.miss(unflushed);
+        self.counts.end_file(path, false);
+        self.failed(path, error);
     }
 
     fn failed(&mut self, path: &Path, error: &McapError) {

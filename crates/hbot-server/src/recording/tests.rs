@@ -53,6 +53,8 @@ impl Loop {
             counters: Counters::default(),
             answers: Default::default(),
             telemetry: Default::default(),
+            complaints: Default::default(),
+            restarted: false,
         };
         (self.recorder)(&Ticked {
             scene: &self.scene,

@@ -116,6 +116,8 @@ impl RecordingWriter {
                 idle = false;
                 self.listen();
                 self.take(entry);
+                // In virtual time the loop waits for this thread, so the ring is never empty.
+                self.output.flush();
             }
             self.output.flush();
             if idle && !self.ended {

@@ -251,7 +251,7 @@ impl Hub {
 
     /// Closes the connection to `port` that has waited longest for the refusal of its wrong token,
     /// so that another connection gets its place. Returns false if there is no such connection.
-    pub(super) fn close_wrong_token(&mut self, port: ServicePort) -> bool {
+    pub(super) fn close_wrong_token(&mut self, port: ServicePort) -> Option<u64> {
         self.publisher.close_wrong_token(port)
     }
 
@@ -332,6 +332,8 @@ impl Hub {
     /// Informs all clients that the server stops, and closes each connection after its queued
     /// messages are sent. Returns the flight logs that are in progress.
     pub(super) fn farewell(&mut self, why: &str) -> Flights {
+        // A fault in samples that still wait gets its flight log too.
+        self.drain();
         self.publisher.broadcast(&Event::Stopping(StoppingEvent { message: why.to_owned() }));
         self.publisher.dismiss_all();
         std::mem::take(&mut self.flights)

@@ -220,7 +220,8 @@ mod tests {
 
     #[test]
     fn a_fault_of_a_simulated_rig_says_that_nothing_is_broken() {
-        let sample = crate::still::still(7);
+        let mut sample = crate::still::still(7);
+        sample.complaints.fault = true;
         let told =
             |simulated, cause| Incidents::new(RigConfig::prototype().rig, simulated).explain(cause, &sample);
         for cause in Cause::ALL {

@@ -12,7 +12,6 @@ use tokio::time::Instant;
 use super::convert;
 use super::peer::{Frames, Peer, ServicePort};
 use crate::recording::Notes;
-use hbot_core::outputs::TakenStream;
 use hbot_host::run_loop::sample::Sample;
 
 /// All connected clients, and the messages to them.
@@ -24,9 +23,9 @@ pub(super) struct Publisher {
     /// for its messages.
     state: Event,
     frames: Frames,
-    /// The last stream message of an earlier holder of the lease: its number, and the tick from
-    /// which its age counts. States do not report it.
-    foreign_stream: Option<(Option<u64>, u64)>,
+    /// Whether the last stream message that the loop has accepted is that of an earlier holder of
+    /// the lease. States do not report it.
+    foreign_stream: bool,
     /// Clients that must be disconnected, because their queue had no room for a message.
     unresponsive: Vec<u64>,
     /// Wakes the service's task when the number of subscribers may have changed.
@@ -35,24 +34,11 @@ pub(super) struct Publisher {
     notes: Notes,
 }
 
-/// Returns what tells the last stream message that the loop has accepted from any other: its
-/// number, and the tick from which its age counts.
-fn stream(sample: &Sample) -> Option<(Option<u64>, u64)> {
-    let TakenStream { seq, age_ticks } = sample.state.client?;
-    Some((seq, sample.state.tick.wrapping_sub(age_ticks)))
-}
-
-/// Stores the state of `sample` in `event`, without the stream message `foreign` of an earlier
-/// holder. `hand` returns the torque of the simulated hand, N m, if there is one.
-fn fill(
-    event: &mut StateEvent,
-    sample: &Sample,
-    foreign: Option<(Option<u64>, u64)>,
-    hand: impl Fn() -> Option<[f64; 3]>,
-) {
+/// Stores the state of `sample` in `event`, without its stream message if that is `foreign`. `hand` returns the torque of the simulated hand, N m, if there is one.
+fn fill(event: &mut StateEvent, sample: &Sample, foreign: bool, hand: impl Fn() -> Option<[f64; 3]>) {
     convert::fill(event, sample);
     event.hand = hand();
-    if foreign.is_some() && stream(sample) == foreign {
+    if foreign {
         event.client = None;
     }
 }
@@ -64,7 +50,7 @@ impl Publisher {
             subscribers: 0,
             state: Event::State(StateEvent::default()),
             frames: Frames::default(),
-            foreign_stream: None,
+            foreign_stream: false,
             unresponsive: Vec::new(),
             changed,
             notes,
@@ -103,14 +89,13 @@ impl Publisher {
         Some(peer.address)
     }
 
-    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token.
-    /// Returns false if there is no such connection.
-    pub(super) fn close_wrong_token(&mut self, port: ServicePort) -> bool {
+    /// Closes the connection to `port` that has waited longest for the refusal of its wrong token,
+    /// and returns its session. Returns `None` if there is no such connection.
+    pub(super) fn close_wrong_token(&mut self, port: ServicePort) -> Option<u64> {
         let mut guesses = self.peers.iter().filter(|(_, peer)| peer.sent_wrong_token && peer.port == port);
-        let guess = guesses.next().map(|(session, _)| *session);
-        let Some(peer) = guess.and_then(|session| self.peers.remove(&session)) else { return false };
-        peer.task.abort();
-        true
+        let session = guesses.next().map(|(session, _)| *session)?;
+        self.peers.remove(&session)?.task.abort();
+        Some(session)
     }
 
     pub(super) fn knows(&self, session: u64) -> bool {
@@ -160,10 +145,10 @@ impl Publisher {
         self.subscribers > 0
     }
 
-    /// Leaves the last stream message that the loop has accepted until `sample` out of all states,
-    /// because its client has lost the lease.
-    pub(super) fn forget_stream(&mut self, sample: &Sample) {
-        self.foreign_stream = stream(sample);
+    /// Records whether the last stream message that the loop has accepted is that of an earlier
+    /// holder of the lease, and so stays out of all states.
+    pub(super) fn stream_is_foreign(&mut self, is: bool) {
+        self.foreign_stream = is;
     }
 
     /// Sends a state to the clients that are subscribed to this tick. `hand` returns the torque of

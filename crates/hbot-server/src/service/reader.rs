@@ -17,7 +17,7 @@ use hbot_api::{
 use hbot_core::inputs::Command;
 use tokio::io::{AsyncRead, AsyncReadExt as _, ReadHalf};
 use tokio::task::yield_now;
-use tokio::time::{Instant, sleep_until, timeout_at};
+use tokio::time::{Instant, sleep_until};
 
 use super::Bounds;
 use super::bucket::{Bucket, weight, weight_of};
@@ -233,18 +233,24 @@ impl<S: AsyncRead> Reader<S> {
     pub(super) async fn wait(&mut self, pause: Pause) -> Result<(), Ended> {
         let now = Instant::now();
         if let Some(time) = self.bucket.take(std::mem::take(&mut self.taken), now) {
+            let before = self.read;
             self.read_until(now + time).await?;
+            if self.read > before && matches!(pause, Pause::Read) {
+                return Ok(());
+            }
         }
         match pause {
             Pause::Read => match self.hello {
                 None => self.read().await,
-                Some((deadline, time)) => match timeout_at(deadline, self.read()).await {
-                    Ok(read) => read,
-                    Err(_) => {
+                // The deadline comes first, since there is always something to read from a flood.
+                Some((deadline, time)) => tokio::select! {
+                    biased;
+                    () = sleep_until(deadline) => {
                         let message = format!("no hello within {} s", time.as_secs_f64());
                         let error = ErrorBody::new(ErrorCode::BadRequest, message);
                         self.first(Err(RequestRefusal { id: None, op: None, error })).map(drop)
                     }
+                    read = self.read() => read,
                 },
             },
             Pause::Yield => {

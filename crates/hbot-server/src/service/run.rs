@@ -254,7 +254,10 @@ impl Connections {
         let Arrival { stream, hosts, .. } = arrival;
         let local = address.ip().to_canonical().is_loopback();
         let mut placed = self.taken(&hub, port).place(hub.bounds(), local);
-        if placed.is_err() && hub.close_wrong_token(port) {
+        if placed.is_err()
+            && let Some(closed) = hub.close_wrong_token(port)
+        {
+            self.sessions.retain(|_, session| session.number != closed);
             placed = self.taken(&hub, port).place(hub.bounds(), local);
         }
         if let Err(full) = placed {

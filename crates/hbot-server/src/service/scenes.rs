@@ -1,6 +1,7 @@
 //! The running scene: loading another one, changing parameters, and examining what was loaded.
 
 use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
@@ -9,7 +10,7 @@ use hbot_api::{
 };
 use hbot_config::scene::{EffectPlace, SHELF, SceneEffect, SetError, ShelfScene, Simulate};
 use hbot_config::{RigConfig, RunningScene, SceneFile, guess};
-use hbot_core::Rig;
+use hbot_core::{CompiledScene, Rig};
 use serde_json::{Map, Value, json};
 use tokio::sync::Notify;
 use tokio::task::{JoinError, JoinSet};
@@ -60,6 +61,8 @@ struct Waiting {
     session: u64,
     id: Option<Id>,
     by: Option<Requester>,
+    /// Whether the warnings are known, and the costs of the effects of another scene.
+    examined: bool,
     warnings: Vec<Warning>,
     change: Change,
     /// The first tick that rendered the scene. `None` before it.
@@ -68,23 +71,22 @@ struct Waiting {
 
 /// What a client has changed.
 enum Change {
-    /// Another scene: `load_scene`. `examined` tells whether its warnings and the costs of its
-    /// effects are known.
-    Scene { name: String, effects: Vec<EffectCost>, ignored: Vec<String>, examined: bool },
+    /// Another scene: `load_scene`.
+    Scene { name: String, effects: Vec<EffectCost>, ignored: Vec<String> },
     /// Parameters of an effect: `set`.
     Parameters { effect: String, parameters: Map<String, Value> },
 }
 
-/// What is found out about a scene after it was given to the loop.
+/// What is found out about a scene or a change after it was given to the loop.
 pub(super) struct Examined {
     revision: u64,
-    /// The measured computing time of each effect, ns per tick.
+    /// The measured computing time of each effect of another scene, ns per tick.
     costs: Vec<u64>,
     warnings: Vec<Warning>,
 }
 
-/// A change that is rendered, with the answer to its client and the event for all clients. Another
-/// scene has been examined too.
+/// A change that is rendered and examined, with the answer to its client and the event for all
+/// clients.
 pub(super) struct Changed {
     pub(super) session: u64,
     pub(super) id: Option<Id>,
@@ -205,14 +207,13 @@ impl Scenes {
                 Vec::new()
             }
         };
-        let kept = self.kept(&file).and_then(|(name, simulate)| keeps(name, simulate));
         let compiled = self.running.load(file);
-        let (rig, parts) = (self.rig, compiled.clone());
+        let parts = compiled.clone();
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::LoadScene))?;
         self.warnings.clear();
 
-        let (file, revision) = (self.running.file(), self.running.revision());
+        let file = self.running.file();
         let effects = file.effects().iter().map(|effect| EffectCost {
             id: effect.id().to_owned(),
             kind: effect.kind_name().to_owned(),
@@ -220,28 +221,42 @@ impl Scenes {
         });
         let (name, effects) = (file.name().to_owned(), effects.collect());
         tracing::info!(session, name, "scene loaded");
-        let change = Change::Scene { name, effects, ignored, examined: false };
-        let (abilities, file) = (Arc::clone(&self.abilities), file.clone());
-        self.waiting.push_back(Waiting {
-            revision,
-            session,
-            id,
-            by,
-            warnings: Vec::new(),
-            change,
-            tick: None,
-        });
-        self.examining.spawn_blocking(move || {
-            let mut warnings = abilities.warnings(&file);
-            warnings.extend(kept);
-            Examined { revision, costs: cost::measure(&rig, &parts), warnings }
-        });
-        self.changed.notify_one();
+        let change = Change::Scene { name, effects, ignored };
+        self.examine(session, id, by, change, Some(parts));
         Ok(())
     }
 
-    /// Changes parameters of an effect in the running scene for a client. When the change is
-    /// rendered, [`next_changed`](Self::next_changed) returns the answer.
+    /// Examines the running scene on another thread, because that can take longer than a stop may
+    /// wait. `parts` is another scene, whose effects' computing time is measured too.
+    #[inline(never)]
+    fn examine(
+        &mut self,
+        session: u64,
+        id: Option<Id>,
+        by: Option<Requester>,
+        change: Change,
+        parts: Option<CompiledScene>,
+    ) {
+        let (file, revision, rig) = (self.running.file().clone(), self.running.revision(), self.rig);
+        let kept = self.kept(&file).and_then(|(name, simulate)| keeps(name, simulate));
+        let abilities = Arc::clone(&self.abilities);
+        let (examined, warnings, tick) = (false, Vec::new(), None);
+        self.waiting.push_back(Waiting { revision, session, id, by, examined, warnings, change, tick });
+        self.examining.spawn_blocking(move || {
+            let found = catch_unwind(AssertUnwindSafe(|| {
+                let mut warnings = abilities.warnings(&file);
+                warnings.extend(kept);
+                (parts.map(|parts| cost::measure(&rig, &parts)).unwrap_or_default(), warnings)
+            }));
+            let (costs, warnings) = found.unwrap_or_default();
+            Examined { revision, costs, warnings }
+        });
+        self.changed.notify_one();
+    }
+
+    /// Changes parameters of an effect in the running scene for a client, and starts to examine it
+    /// on another thread. When the change has been rendered and examined,
+    /// [`next_changed`](Self::next_changed) returns the answer.
     ///
     /// # Errors
     /// Fails if the effect or a parameter does not exist, if a value is not legal, or if the loop
@@ -266,16 +281,13 @@ impl Scenes {
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))?;
-        self.warnings = self.abilities.warnings(self.running.file());
-        let (revision, warnings) = (self.running.revision(), self.warnings.clone());
         let changed = self.file().effects().iter().find(|e| e.id() == effect).map(SceneEffect::to_json);
         for (name, value) in &mut parameters {
             if let Some(new) = changed.as_ref().and_then(|changed| changed.get(name)) {
                 value.clone_from(new);
             }
         }
-        let change = Change::Parameters { effect, parameters };
-        self.waiting.push_back(Waiting { revision, session, id, by, warnings, change, tick: None });
+        self.examine(session, id, by, Change::Parameters { effect, parameters }, None);
         Ok(())
     }
 
@@ -306,33 +318,26 @@ impl Scenes {
         }
     }
 
-    /// Records what was found out about a scene. If the examination failed, the reported times are
-    /// zero and there are no warnings.
+    /// Records what was found out about a scene. If the examination has panicked, the reported times
+    /// are zero and there are no warnings.
     pub(super) fn examined(&mut self, result: Result<Examined, JoinError>) {
-        let found = result.inspect_err(|error| tracing::error!(%error, "a scene could not be examined")).ok();
-        for waiting in &mut self.waiting {
-            let Change::Scene { effects, examined, .. } = &mut waiting.change else { continue };
-            if found.as_ref().map_or(!*examined, |found| found.revision == waiting.revision) {
-                *examined = true;
-                let Some(Examined { revision, costs, warnings }) = found else { return };
-                effects.iter_mut().zip(costs).for_each(|(effect, cost)| effect.cost_ns = cost);
-                if revision == self.running.revision() {
-                    self.warnings.clone_from(&warnings);
-                }
-                waiting.warnings = warnings;
-                return;
-            }
+        // A task that is aborted belongs to a service that ends.
+        let Ok(Examined { revision, costs, warnings }) = result else { return };
+        let Some(waiting) = self.waiting.iter_mut().find(|waiting| waiting.revision == revision) else {
+            return;
+        };
+        if let Change::Scene { effects, .. } = &mut waiting.change {
+            effects.iter_mut().zip(costs).for_each(|(effect, cost)| effect.cost_ns = cost);
         }
+        if revision == self.running.revision() {
+            self.warnings.clone_from(&warnings);
+        }
+        (waiting.examined, waiting.warnings) = (true, warnings);
     }
 
-    /// Removes and returns the oldest change, if it has been rendered, and examined if it is a
-    /// scene.
+    /// Removes and returns the oldest change, if it has been rendered and examined.
     pub(super) fn next_changed(&mut self) -> Option<Changed> {
-        let front = self.waiting.front()?;
-        let tick = front.tick?;
-        if matches!(front.change, Change::Scene { examined: false, .. }) {
-            return None;
-        }
+        let tick = self.waiting.front().filter(|front| front.examined)?.tick?;
         let Waiting { session, id, by, warnings, change, .. } = self.waiting.pop_front()?;
         let (answer, event) = match change {
             Change::Scene { name, effects, ignored, .. } => (
@@ -362,7 +367,7 @@ impl Scenes {
 fn busy(op: OpName) -> ErrorBody {
     ErrorBody::new(
         ErrorCode::Busy,
-        format!("op {op}: the loop has not yet taken the scenes it was given before"),
+        format!("op {op}: the scenes given before are not yet rendered and examined"),
     )
 }
 
@@ -456,7 +461,7 @@ mod tests {
         let shakes = || vec![Warning::plain("it shakes".to_owned())];
         scenes.examined(Ok(Examined { revision: first, costs: vec![42], warnings: shakes() }));
         assert!(scenes.next_changed().is_none(), "examined and not rendered");
-        assert!(scenes.warnings().is_empty(), "those of the change, which is later");
+        assert!(scenes.warnings().is_empty(), "those of the change, which is not examined");
         scenes.rendered(&Sample { scene: first, ..crate::still::still(7) });
         let loaded = scenes.next_changed().expect("both");
         assert_eq!((loaded.session, &loaded.answer["effects"][0]["cost_ns"]), (3, &json!(42)));
@@ -465,10 +470,13 @@ mod tests {
         assert_eq!((event.tick, event.by), (7, ann.clone()));
         assert!(scenes.next_changed().is_none(), "the loop has the scene and not its change");
         scenes.rendered(&Sample { scene: second, ..crate::still::still(8) });
-        let set = scenes.next_changed().expect("rendered; a change is not examined");
-        assert_eq!((set.session, &set.answer), (4, &json!({"warnings": []})));
+        assert!(scenes.next_changed().is_none(), "the change is not examined");
+        scenes.examined(Ok(Examined { revision: second, costs: Vec::new(), warnings: shakes() }));
+        assert_eq!(scenes.warnings(), shakes());
+        let set = scenes.next_changed().expect("both");
+        assert_eq!((set.session, &set.answer), (4, &json!({"warnings": ["it shakes"]})));
         let (tick, effect) = (8, "air".to_owned());
-        let (warnings, advice) = (Vec::new(), Vec::new());
+        let (warnings, advice) = (vec!["it shakes".to_owned()], shakes().iter().map(Into::into).collect());
         let event = SetEvent { tick, effect, parameters: damping, warnings, advice, by: ann };
         assert_eq!(set.event, Event::Set(event));
         assert!(!scenes.is_waiting());
@@ -485,7 +493,10 @@ mod tests {
         scenes.set(&mut end, 3, None, (id, Map::from_iter([("gain".to_owned(), json!(0.5))])), None).unwrap();
         scenes.rendered(&Sample { scene: scenes.running.revision(), ..crate::still::still(7) });
         assert!(scenes.next_changed().is_none(), "the event of the scene comes before that of its change");
-        scenes.examined(Ok(Examined { revision: first, costs: Vec::new(), warnings: Vec::new() }));
+        let examined = |revision| Ok(Examined { revision, costs: Vec::new(), warnings: Vec::new() });
+        scenes.examined(examined(scenes.running.revision()));
+        assert!(scenes.next_changed().is_none(), "only the change is examined");
+        scenes.examined(examined(first));
         let events =
             [scenes.next_changed(), scenes.next_changed()].map(|change| change.unwrap().event.name());
         assert_eq!(events, [EventName::Scene, EventName::Set].map(Some));

@@ -90,7 +90,9 @@ impl Protocol for HbotLink {
             supply_v: None,
             zero: None,
             filtering: Filtering::default(),
-            remedies: expected.joint(at).and_then(|ours| wrong_counts(ours, joint)).into_iter().collect(),
+            remedies: (wrong_version(&there).into_iter())
+                .chain(expected.joint(at).and_then(|ours| wrong_counts(ours, joint)))
+                .collect(),
         };
         Ok(there.joints.iter().enumerate().map(found).collect())
     }
@@ -99,6 +101,17 @@ impl Protocol for HbotLink {
         let (commands, feedback) = (command_frame_bytes(joints), feedback_frame_bytes(joints));
         Traffic { commands, feedback, turnaround_us: 0, bus: None }
     }
+}
+
+/// Returns what is wrong if controllers speak another version of the protocol.
+fn wrong_version(there: &Description) -> Option<Remedy> {
+    (there.protocol != PROTOCOL_VERSION).then(|| Remedy {
+        what: format!(
+            "it speaks version {} of the link protocol, this program {PROTOCOL_VERSION}",
+            there.protocol
+        ),
+        command: "update the older one".to_owned(),
+    })
 }
 
 /// Returns what is wrong if a joint counts otherwise than the rig file says.

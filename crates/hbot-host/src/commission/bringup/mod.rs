@@ -12,6 +12,7 @@ mod tests;
 use std::time::{Duration, Instant};
 
 use hbot_config::{RigConfig, rig as config};
+use hbot_core::controller::DISOBEDIENCE_S;
 use hbot_core::design::rig::OdometryMethod;
 use hbot_core::inputs::{Complaints, JointReadings};
 use hbot_core::motion::odometry;
@@ -47,6 +48,11 @@ pub enum Interrupted {
     /// A signal asked the program to stop.
     #[error("stopped by a signal: motors are off")]
     Stopped,
+    /// A motor is on although it was commanded off.
+    #[error(
+        "a motor is on although it was commanded off: CUT THE SUPPLY, then check the controller's settings and firmware"
+    )]
+    StaysOn,
 }
 
 /// Access to the motors of a rig without a control loop, for the first tests of a new rig. Each
@@ -67,6 +73,8 @@ pub struct Bench {
     /// reading.
     orientation: Quat,
     counts: Option<[i32; MAX_JOINTS]>,
+    /// Since when a motor is on or off against the command, s.
+    disobeyed_s: Option<f64>,
     /// If this flag is set, no further command with torque is sent.
     stop: StopFlag,
     /// Delay of the rates that the controllers report, s.
@@ -140,6 +148,7 @@ impl Bench {
             sent_s: 0.0,
             orientation: Quat::IDENTITY,
             counts: None,
+            disobeyed_s: None,
             stop: StopFlag::default(),
             rate_lag: 0.0,
             notices: Vec::new(),
@@ -174,35 +183,41 @@ impl Bench {
     /// `torque` has the sign of the motor controllers, N m; `None` switches the motors off.
     ///
     /// # Errors
-    /// Fails if no reading arrives for many periods, or if a stop was requested. In the second case
-    /// the command was not written.
+    /// Fails if no reading arrives for many periods, if a motor stays on against the command, or if
+    /// a stop was requested. In the last case the command was not written.
     pub fn exchange(&mut self, torque: Option<&[f64; MAX_JOINTS]>) -> Result<JointReadings, Interrupted> {
         let drive = Drive { enable: torque.is_some(), torque: torque.copied().unwrap_or([0.0; MAX_JOINTS]) };
         let stop = self.stop.clone();
         self.converse(&drive, || stop.is_set())
     }
 
-    /// Switches the motors off with three commands, and waits for the answer to each.
+    /// Switches the motors off with three commands, and waits for the answer to each, and until no
+    /// motor says that it is on.
     ///
     /// # Errors
-    /// Fails if no reading arrives for many periods.
+    /// Fails if no reading arrives for many periods, or if a motor stays on.
     pub fn switch_off(&mut self) -> Result<(), Interrupted> {
-        (0..STOPS).try_for_each(|_| self.converse(&OFF, || false).map(drop))
+        (0..STOPS).try_for_each(|_| self.converse(&OFF, || false).map(drop))?;
+        while self.disobeyed_s.is_some() {
+            self.converse(&OFF, || false)?;
+        }
+        Ok(())
     }
 
     /// Sends `drive` in every period until each line has answered, at most [`PATIENCE`] times.
     /// Gives up if `stop` returns true.
     fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
         let mut complaints = Complaints::default();
-        for _ in 0..PATIENCE {
+        for tries in 0..PATIENCE {
             if stop() {
                 return Err(Interrupted::Stopped);
             }
             // That of the command that is answered: readings before it are lost.
             self.sent_s = self.time_s();
             let now_ns = self.now_ns();
-            // Nothing pushes on while one line is silent and another one complains.
-            let drive = if complaints == Complaints::default() { drive } else { &OFF };
+            // Nothing pushes on while a line is silent for long, or another one complains.
+            let waits = tries < self.rig.timing.timeout_ticks && complaints == Complaints::default();
+            let drive = if waits { drive } else { &OFF };
             // The result is ignored: if a command is not accepted, its reading does not arrive,
             // which is noticed.
             let _ = self.motors.command(now_ns, self.tick, drive);
@@ -216,6 +231,13 @@ impl Bench {
             complaints.fault |= news.zeros_lost;
             if let Some(feedback) = news.feedback.filter(|_| news.buses_with_reading == self.motors.buses()) {
                 self.follow(&feedback.counts);
+                // A power stage has its time to switch.
+                let since = complaints.disobeyed.then(|| self.disobeyed_s.unwrap_or(self.sent_s));
+                self.disobeyed_s = since;
+                complaints.disobeyed = since.is_some_and(|since| self.sent_s - since > DISOBEDIENCE_S);
+                if complaints.disobeyed && !drive.enable {
+                    return Err(Interrupted::StaysOn);
+                }
                 return Ok(JointReadings { complaints, ..feedback });
             }
         }

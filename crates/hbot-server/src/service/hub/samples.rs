@@ -83,9 +83,10 @@ impl Hub {
         let (session, id, (op, scale)) = match asker {
             Asker::Client { session, id, op, scale } => (session, id, (op, scale)),
             Asker::Service(what) => {
-                // What the loop has accepted until here is the earlier holder's.
+                // Answers come in the order of the orders: what the loop has accepted until here is
+                // the earlier holder's.
                 if what.ends_lease() {
-                    self.publisher.forget_stream(sample);
+                    self.publisher.stream_is_foreign(true);
                 }
                 match reply {
                     Some(Reply::Refused(refused)) => {
@@ -101,6 +102,10 @@ impl Hub {
                 return;
             }
         };
+        let streams = matches!(op, OpName::Torque | OpName::Reference | OpName::Model);
+        if streams && !matches!(reply, None | Some(Reply::Refused(_))) {
+            self.publisher.stream_is_foreign(false);
+        }
         match reply {
             Some(Reply::Refused(refused)) => {
                 let effect = |slot| self.scenes.id_at(slot);

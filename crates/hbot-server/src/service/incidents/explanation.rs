@@ -61,9 +61,13 @@ pub(super) fn simulated(
 /// the sample.
 pub(super) fn real(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> Explanation {
     let message = observed(cause, sample, skipped, rig);
-    Explanation { found: found(cause, sample, rig, &message), remedy: usual(cause).to_owned(), message }
+    let disobeys = cause == Cause::ControllerFault && !sample.restarted && !sample.complaints.fault;
+    let remedy = if disobeys { DISOBEYS } else { usual(cause) };
+    Explanation { found: found(cause, sample, rig, &message), remedy: remedy.to_owned(), message }
 }
 
+/// What to do about a motor that is on or off against the command.
+const DISOBEYS: &str = "If a wheel still pushes, cut the supply at once. Check the motors' supply, and the controller's settings.";
 const UNBROKEN: &str = "The rig is simulated and nothing is broken.";
 /// What to do about a simulated sphere that is too fast and that nobody can hold.
 const HELD: &str = "If it spins on freely, let a hand hold it: `hbot scene load spring --ideal`, or a scene with `hand = {}` in [simulate].";
@@ -132,11 +136,14 @@ fn observed(cause: Cause, sample: &Sample, skipped: u64, rig: &Rig) -> String {
             "too many frames on the serial line are damaged ({} so far): check cable, shield and baud rate",
             sample.counters.corrupt_frames
         ),
-        Cause::ControllerFault => {
-            "a motor controller reports a fault, has rebooted, is another than the rig file's, or says for 20 ms that its motors \
-             are off although they are switched on, or on although they are off: see its own display, and the motors' supply"
-                .to_owned()
+        Cause::ControllerFault => match (sample.restarted, sample.complaints.fault) {
+            (true, _) => "a motor controller has restarted, or is another than the rig file's",
+            (false, true) => "a motor controller reports a fault: see its own display",
+            (false, false) => {
+                "a motor controller says for 20 ms that its motor is off although it is switched on, or on although it is off"
+            }
         }
+        .to_owned(),
         Cause::Overspeed => {
             let limit = rig.limits.speed;
             match state.omega.length() {
@@ -198,7 +205,27 @@ fn deadline(lateness_ns: u64, skipped: u64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use hbot_core::inputs::Complaints;
+
     use super::*;
+    use crate::still::still;
+
+    #[test]
+    fn a_fault_of_a_controller_says_which_one_it_is_and_what_to_do_where_a_motor_is_on() {
+        let rig = hbot_config::RigConfig::prototype().rig;
+        let told = |fault, restarted| {
+            let complaints = Complaints { fault, disobeyed: !fault, ..Complaints::default() };
+            real(Cause::ControllerFault, &Sample { complaints, restarted, ..still(7) }, 0, &rig)
+        };
+        for (fault, restarted, message, cut) in [
+            (true, false, "reports a fault", false),
+            (false, true, "has restarted", false),
+            (false, false, "or on although it is off", true),
+        ] {
+            let Explanation { message: said, remedy, .. } = told(fault, restarted);
+            assert!(said.contains(message) && remedy.contains("cut the supply") == cut, "{said} {remedy}");
+        }
+    }
 
     #[test]
     fn a_missed_deadline_is_named_by_what_was_missed() {

@@ -67,6 +67,15 @@ fn the_next_holder_is_not_told_of_the_stream_of_the_one_before() {
     told(&mut b, "b's stream", Some(8));
     b.call(Op::Release).unwrap();
     told(&mut b, "no stream", None);
+    // The loop takes the end of a's lease and the first message of b in one tick.
+    for seq in [20, 30] {
+        a.call(Op::Acquire { steal: true }).unwrap();
+        a.call(Op::Torque(stream(seq))).unwrap();
+        told(&mut b, "a's stream", Some(seq));
+        b.send(Op::Acquire { steal: true }).unwrap();
+        b.send(Op::Torque(stream(seq + 1))).unwrap();
+        told(&mut b, "b's stream", Some(seq + 1));
+    }
 }
 
 /// Starts a service with the given policy for a lost client. The lease holder commands a torque for

@@ -238,7 +238,8 @@ fn unasked(met: &Met) -> Option<Remedy> {
     let settings = ["iq_msg_rate_ms", "temperature_msg_rate_ms"];
     let (_, setting) = met.unasked.iter().zip(settings).find(|(heard, _)| **heard > 0)?;
     Some(Remedy {
-        what: "it sends its current or temperature unasked, so nobody knows how old its positions are".to_owned(),
+        what: "it sends its current or temperature unasked, so nobody knows how old its positions are"
+            .to_owned(),
         command: format!("odrv0.axis0.config.can.{setting} = 0; odrv0.save_configuration()"),
     })
 }

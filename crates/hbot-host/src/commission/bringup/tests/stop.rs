@@ -10,7 +10,9 @@ use hbot_testing::prototype::device_with;
 use super::super::excite::{Ended, Exchange, Excitation, brake, excite};
 use super::super::joint::HOLD_S;
 use super::*;
+use crate::bus::Heard;
 use crate::line::SimulatorCall;
+use crate::tests::scripted::ScriptedBus;
 
 /// A line to simulated motor controllers that records all commands, and sets the flag `stop` after
 /// `after` commands with torque.
@@ -103,6 +105,35 @@ const GENTLE: Excitation = Excitation { seconds: 3.0, wander: 0.8, fastest: 6.0 
 
 /// Whatever ends a motion by all motors, the last commands switch them off: its time, a signal, a
 /// speed, a slip, a complaint, a silent line, an unknown zero, a panic.
+/// A power stage has 20 ms to switch. One that stays on is told, at the end of every push too.
+#[test]
+fn a_motor_that_is_on_or_off_against_the_command_for_20_ms_is_told() {
+    let bus = ScriptedBus::default();
+    let layout = crate::rig::layout::Layout::single(0..4);
+    let motors = Motors::new(vec![Box::new(bus.clone())], &layout, 20);
+    let mut bench = Bench::new(&hbot_config::RigConfig::prototype().rig, motors, true);
+    let says = |disobeyed| {
+        let complaints = Complaints { disobeyed, ..Complaints::default() };
+        let reading = Some(crate::bus::Reading { answers: 0, joints: Default::default() });
+        (bus.script().report, bus.script().lasts) = (Heard { reading, complaints, ..Heard::default() }, true);
+    };
+    let pushes = |bench: &mut Bench| {
+        let mut complains = || bench.exchange(Some(&[0.0; MAX_JOINTS])).unwrap().complaints.disobeyed;
+        (0..50).position(|_| complains())
+    };
+    says(true);
+    assert!(matches!(pushes(&mut bench), Some(20 | 21)));
+    says(false);
+    assert_eq!((pushes(&mut bench), bench.switch_off()), (None, Ok(())));
+    says(true);
+    assert_eq!(bench.switch_off(), Err(Interrupted::StaysOn));
+    says(false);
+    assert!(bench.exchange(None).is_ok());
+    says(true);
+    let off = (0..50).position(|_| bench.exchange(None) == Err(Interrupted::StaysOn));
+    assert!(matches!(off, Some(20 | 21)), "{off:?}");
+}
+
 #[test]
 fn every_end_of_an_excitation_leaves_the_motors_off() {
     let excited = |bench: &mut Bench, how: &Excitation| excite(bench, how, &mut |_| ());
