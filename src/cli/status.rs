@@ -139,6 +139,8 @@ mod tests {
             counters: Counters::default(),
             answers: [None; MAX_COMMANDS],
             telemetry: Default::default(),
+            complaints: Default::default(),
+            restarted: false,
         }
     }
 

@@ -96,10 +96,13 @@ fn a_measurement_that_cannot_be_is_answered_and_not_used() {
     };
     assert!((angle - 0.5).abs() < 1e-9 && !used);
     assert_eq!(bench.step().state.q, here);
-    // With the weight 0 it is only compared.
-    let compared = Command::AlignBySigma { q: far, sigma: Vec3::splat(9e-1), weight: 0.0, tick: 2 };
-    let Reply::Measured { angle, used } = bench.command(compared).reply() else { panic!("measured") };
-    assert!((angle - 0.5).abs() < 1e-9 && !used);
+    // With the weight 0, or one of which the noise is no number, it is only compared.
+    for weight in [0.0, 1e-308] {
+        let compared = Command::AlignBySigma { q: far, sigma: Vec3::splat(9e-1), weight, tick: 2 };
+        let Reply::Measured { angle, used } = bench.command(compared).reply() else { panic!("measured") };
+        assert!((angle - 0.5).abs() < 1e-9 && !used);
+        assert_eq!(bench.step().state.q, here);
+    }
     // Wrong numbers and times are refused.
     let refused = |command, bench: &mut Bench| bench.command(command).reply();
     for sigma in [0.0, -1.0, 4.0, f64::NAN] {

@@ -188,8 +188,29 @@ fn enable_is_refused_where_a_reference_is_too_far_with_slot_and_angle() {
     assert_eq!(bench.command(Command::Enable).reply(), Reply::Done);
 }
 
+/// A dead band counts, since the sphere rests in it. An anchor at the sphere does not: a reference
+/// that is turned away from it pulls as far.
 #[test]
-fn a_reference_anchored_here_is_never_too_far_and_begins_without_torque() {
+fn enable_asks_how_far_the_sphere_is_from_where_each_effect_rests() {
+    let away = rotation::exp(Vec3::Y * 0.8);
+    for (anchor, deadband, accepted) in [
+        (Anchor::Absolute, 0.0, false),
+        (Anchor::Absolute, 0.4, true),
+        (Anchor::Here, 0.0, false),
+        (Anchor::Here, 0.4, true),
+    ] {
+        let Kind::Spring(law) = spring(2.0, 0.0, away, anchor) else { panic!("a spring") };
+        let kind = Kind::Spring(law.with_deadband(deadband));
+        let mut bench = Bench::new(rig());
+        bench.scene = CompiledScene::new(1, &[effect(0, 1, kind)]).unwrap();
+        bench.step();
+        let reply = bench.command(Command::Enable).reply();
+        assert_eq!(reply == Reply::Done, accepted, "{kind:?}: {reply:?}");
+    }
+}
+
+#[test]
+fn a_reference_anchored_here_begins_without_torque_however_far_the_sphere_was_turned() {
     let turned = rotation::exp(Vec3::Z * 0.3);
     for (reference, wound) in [(Quat::IDENTITY, Vec3::ZERO), (turned, Vec3::Z * 0.3)] {
         let mut bench = Bench::new(rig());

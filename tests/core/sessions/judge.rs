@@ -192,9 +192,10 @@ impl Judge {
         scene.effects().iter().any(|effect| {
             let far = matches!(effect.kind, Kind::Spring(_))
                 && effect.kind.reference().is_some_and(|(reference, anchor)| {
+                    // Within its dead band the sphere rests.
+                    let away = effect.kind.excess(reference, outputs.state.q, &[]);
                     anchor == Anchor::Absolute
-                        && rotation::angle_between(reference, outputs.state.q)
-                            > self.rig.limits.enable_max_angle + 1e-9
+                        && away.is_some_and(|away| away > self.rig.limits.enable_max_angle + 1e-9)
                 });
             far && !effect.leaving && told.placed.contains(&effect.slot)
         })

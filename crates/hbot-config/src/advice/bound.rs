@@ -2,7 +2,7 @@
 //! turn of the sphere that corresponds to one encoder count.
 
 use hbot_core::design::kinematics::Posture;
-use hbot_core::{MAX_JOINTS, MAX_WHEELS};
+use hbot_core::{MAX_JOINTS, MAX_WHEELS, Rig};
 
 use super::axis::Axis;
 use super::inertia;
@@ -21,8 +21,31 @@ const SLOWEST_SWING: f64 = 1.0e-3;
 /// Ratio between the frequencies of two swings that are examined. Between them the border is taken
 /// as straight, which is off by less than 1e-5 of it.
 const RATIO: f64 = 1.004;
-/// Number of weights of a rate estimate that are kept, one for each of the last readings.
-const TAPS: usize = 128;
+/// Number of the last readings whose weights in a rate estimate are computed.
+const LAST: usize = 1024;
+/// Least number of them that are kept, and the fraction of the largest weight below which those of
+/// older readings are left out.
+const LEAST: usize = 128;
+const SMALL: f64 = 1.0e-6;
+
+/// Returns the weights of the last angles in the estimated rate of `joint`, 1/s, the newest angle
+/// first. Empty if the rates are those of the motor controllers.
+pub(super) fn weights(rig: &Rig, joint: usize) -> Vec<f64> {
+    let mut steps = [0.0; LAST];
+    if !hbot_core::motion::rates::step_response(rig, joint, &mut steps) {
+        return Vec::new();
+    }
+    let before = std::iter::once(0.0).chain(steps);
+    steps.iter().zip(before).map(|(step, before)| step - before).collect()
+}
+
+/// Leaves out the weights of old readings that are too small to count.
+pub(super) fn without_tail(mut weights: Vec<f64>) -> Vec<f64> {
+    let largest = weights.iter().fold(0.0_f64, |most, weight| most.max(weight.abs()));
+    let counts = weights.iter().rposition(|weight| weight.abs() > SMALL * largest);
+    weights.truncate(LEAST.max(counts.map_or(0, |last| last + 1)));
+    weights
+}
 
 /// The springs about one axis that a rig keeps stable, without help from friction or the hand.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,13 +70,11 @@ impl StiffnessBound {
             rates[j] = rig.joints[j].radians_per_count().abs();
             posture.forward(&rig.device, &rates).omega.length()
         };
-        let mut steps = [0.0; TAPS];
-        let taps = if hbot_core::motion::rates::step_response(rig, 0, &mut steps) {
-            let before = std::iter::once(0.0).chain(steps);
-            steps.iter().zip(before).map(|(step, before)| step - before).collect()
-        } else {
-            Vec::new()
-        };
+        // Those of the coarsest counts, whose estimate has the longest memory.
+        let count = |joint: usize| rig.joints[joint].radians_per_count().abs();
+        let coarser = |a: usize, b: usize| if count(b) > count(a) { b } else { a };
+        let coarsest = (0..rig.device.joints()).fold(0, coarser);
+        let taps = without_tail(weights(rig, coarsest));
         let sampled = Sampled {
             period: rig.timing.period_s(),
             delay: 1,

@@ -19,15 +19,11 @@ use hbot_core::design::kinematics::Posture;
 use hbot_core::design::rig::RateEstimate;
 use hbot_core::{MAX_JOINTS, Rig};
 
-use super::bound::{StiffnessBound, USUAL_DAMPING};
+use super::bound::{self, StiffnessBound, USUAL_DAMPING, without_tail};
 use super::inertia::postures;
 use super::sampled::Sampled;
 use crate::RigConfig;
 
-/// Number of weights of a rate estimate that are kept, one for each of the last readings.
-const TAPS: usize = 128;
-/// The same for the lag, to which old readings add more than to the rate.
-const LAG_TAPS: usize = 1024;
 /// Acceleration of a surface from which a hand feels its vibration, m/s², rms. It is that of 0.1 um
 /// at 200 Hz, about the least vibration that hands feel (Bolanowski et al. 1988). Some people who
 /// grasp a thing feel a tenth of it (Brisben et al. 1999). At other frequencies it is a rough
@@ -183,7 +179,7 @@ impl RateAdvice {
     #[must_use]
     pub fn noise_at_rest(&self) -> f64 {
         let noise = |j: usize| {
-            let weights = self.weights::<TAPS>(self.rig.methods.rate, j);
+            let weights = self.weights(self.rig.methods.rate, j);
             let squares = weights.iter().map(|weight| weight * weight).sum::<f64>();
             self.rig.joints[j].radians_per_count() * (squares / 12.0).sqrt()
         };
@@ -205,12 +201,14 @@ impl RateAdvice {
             other => other,
         };
         let n = self.rounding.len();
-        let noisy: Vec<Vec<f64>> = (0..n).map(|joint| self.weights::<TAPS>(noisy, joint)).collect();
+        let noisy: Vec<Vec<f64>> = (0..n).map(|joint| self.weights(noisy, joint)).collect();
         // Joints with equal counts have equal weights.
-        let mut weights: Vec<Vec<f64>> = (0..n).map(|joint| self.weights::<TAPS>(estimate, joint)).collect();
+        let mut weights: Vec<Vec<f64>> =
+            (0..n).map(|joint| without_tail(self.weights(estimate, joint))).collect();
         let lag = match estimate {
             RateEstimate::Controller => self.rate_lag,
-            _ => late(&self.weights::<LAG_TAPS>(estimate, 0), self.sampled.period),
+            // Old readings add more to the lag than to the rate.
+            _ => late(&self.weights(estimate, 0), self.sampled.period),
         };
         weights.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
         weights.dedup();
@@ -245,9 +243,9 @@ impl RateAdvice {
         self.rounding.iter().zip(weights).map(|(square, weights)| square * of(weights)).sum::<f64>().sqrt()
     }
 
-    /// Returns the weights of the `LAST` last angles in the rate of `joint`, 1/s, the newest angle
-    /// first. Empty if the rates are those of the motor controllers.
-    fn weights<const LAST: usize>(&self, estimate: RateEstimate, joint: usize) -> Vec<f64> {
+    /// Returns the weights of the last angles in the rate of `joint`, 1/s, the newest angle first.
+    /// Empty if the rates are those of the motor controllers.
+    fn weights(&self, estimate: RateEstimate, joint: usize) -> Vec<f64> {
         if let RateEstimate::AdaptiveWindow { longest_ticks, .. } = estimate {
             let n = longest_ticks as usize;
             let weight = 1.0 / (n as f64 * self.sampled.period);
@@ -256,13 +254,7 @@ impl RateAdvice {
             return chord;
         }
         let rig = self.rig.with(|parts| parts.methods.rate = estimate);
-        let rig = rig.unwrap_or_else(|error| panic!("{error}"));
-        let mut steps = [0.0; LAST];
-        if !hbot_core::motion::rates::step_response(&rig, joint, &mut steps) {
-            return Vec::new();
-        }
-        let before = std::iter::once(0.0).chain(steps);
-        steps.iter().zip(before).map(|(step, before)| step - before).collect()
+        bound::weights(&rig.unwrap_or_else(|error| panic!("{error}")), joint)
     }
 
     /// Picks the estimate with which the stiffest spring is stable and its ripple is not felt.
@@ -392,6 +384,17 @@ mod tests {
             let without = auto(&text, &[]);
             assert!(pick(&without).picked.most_damping < stage, "{without:?}");
         }
+    }
+
+    /// At 8 kHz the filter remembers more than 128 readings. Without the weights of older ones the
+    /// damping on the border would be 0.92 N m s/rad; an independent model of the loop has 0.793.
+    #[test]
+    fn all_readings_that_a_slow_estimate_remembers_count() {
+        let kalman = serde_json::json!({"method": "kalman", "acceleration": 10});
+        let estimate = ("loop.rate_estimate", kalman);
+        let config = auto(PROTOTYPE, &[("loop.rate_hz", 8000.into()), estimate]);
+        let most = StiffnessBound::of(&config).expect("a legal rig").most_damping();
+        assert!((most / 0.793 - 1.0).abs() < 0.02, "{most}");
     }
 
     #[test]

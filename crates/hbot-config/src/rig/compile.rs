@@ -112,7 +112,8 @@ pub(super) fn compile(file: RigFile, report: &mut Report) -> Option<RigConfig> {
     }
     if config.rig.compensation.is_some() && !compensation::says_smoothing(&file.r#loop.compensation) {
         let noise = RateAdvice::of(&config).map_or(0.0, |advice| advice.noise_at_rest());
-        let smooth = |known: &mut core::Compensation| known.smoothing = known.smoothing.max(NOISES * noise);
+        let noisy = (NOISES * noise).min(core::legal::SMOOTHING.most);
+        let smooth = |known: &mut core::Compensation| known.smoothing = known.smoothing.max(noisy);
         config.rig = config.rig.with(|parts| parts.compensation.iter_mut().for_each(smooth)).ok()?;
     }
     Some(config)

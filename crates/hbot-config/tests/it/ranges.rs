@@ -123,13 +123,14 @@ fn of_the_rig_file() {
 /// Fed friction is smoothed over three times the noise that counts make in the joint rates.
 #[test]
 fn friction_is_smoothed_beyond_the_noise_of_the_rates() {
-    let smoothing = |rate: &str| {
+    let altered = |rate: &str, alter: fn(&str) -> String| {
         let text = include_str!("../../../../rigs/prototype.toml")
             .replace("rate_estimate = \"controller\"", &format!("rate_estimate = {rate}"))
             .replace("mass = 0.467", "friction = { coulomb = 1e-3 }\nmass = 0.467");
-        let config = RigConfig::from_toml(&text, "x.toml").unwrap_or_else(|error| panic!("{error}"));
+        let config = RigConfig::from_toml(&alter(&text), "x.toml").unwrap_or_else(|error| panic!("{error}"));
         config.rig.compensation.expect("friction").smoothing
     };
+    let smoothing = |rate: &str| altered(rate, str::to_owned);
     assert_eq!(smoothing("'controller'"), 0.005, "the controllers' rates count as without noise");
     // A difference of two angles, each rounded by a count of the steer joint: u sqrt(2/12)/h.
     let noise = std::f64::consts::TAU / 16384.0 * f64::sqrt(1.0 / 6.0) / 1.0e-3;
@@ -137,6 +138,9 @@ fn friction_is_smoothed_beyond_the_noise_of_the_rates() {
     assert!((noisy / (3.0 * noise) - 1.0).abs() < 1.0e-9, "{noisy}");
     let own = "'difference'\ncompensation = { smoothing = 0.03 }";
     assert_eq!(smoothing(own), 0.03);
+    // The noise of 64 lines is beyond what is legal.
+    let coarse: fn(&str) -> String = |text| text.replace("counts_per_turn = 16384", "counts_per_turn = 256");
+    assert_eq!(altered("'difference'", coarse), 10.0);
 }
 
 fn defaults(schema: &Value) -> toml::Table {

@@ -196,7 +196,8 @@ impl Controller {
             return Reply::Refused(Refusal::NotFinite);
         }
         let q = rotation::renormalized(q);
-        if weight == 0.0 {
+        // A smaller one says nothing either, and its noise would be no number.
+        if weight < LEAST_WEIGHT {
             let Some(then) = self.orientation.at(seen) else {
                 return Reply::Refused(Refusal::NotInHistory);
             };
@@ -233,6 +234,8 @@ impl Controller {
 
 /// Range of the standard deviation of a measured angle, rad. The filter divides by its square.
 const SIGMA: core::ops::RangeInclusive<Real> = 1.0e-5..=PI;
+/// Weight of a measurement below which it does not count.
+const LEAST_WEIGHT: Real = 1.0e-12;
 
 fn is_unit(q: Quat) -> bool {
     // A client that normalises its quaternions passes this check. The core does not guess the

@@ -100,7 +100,8 @@ impl Uncertainty {
             + Mat3::from_diagonal(Vec3::splat(since));
         let inverse = (self.covariance + noise).inverse();
         let angle = sqrt(residual.length_squared());
-        if residual.dot(inverse * residual) > GATE[1] {
+        // What is no number is refused.
+        if !(residual.dot(inverse * residual) <= GATE[1]) {
             return self.refused(angle);
         }
         let gain = self.covariance * inverse;
@@ -141,7 +142,7 @@ impl Uncertainty {
         let (x, y) = (residual.dot(a), residual.dot(b));
         // The inverse of the 2 x 2 matrix, times the residual.
         let (u, v) = ((bb * x - ab * y) / det, (aa * y - ab * x) / det);
-        if x * u + y * v > GATE[0] {
+        if !(x * u + y * v <= GATE[0]) {
             return self.refused(angle);
         }
         let gain_a = (along_a * bb - along_b * ab) / det;

@@ -121,11 +121,18 @@ impl Renderer {
     /// slot, and the distance in rad. Returns `None` if there is no such effect.
     pub(crate) fn too_far(&self, scene: &CompiledScene, q: Quat, limit: Real) -> Option<(u8, Real)> {
         scene.effects().iter().find_map(|effect| {
-            let (_, anchor) = effect.kind.reference()?;
-            if anchor == Anchor::Here || effect.leaving {
+            let (reference, anchor) = effect.kind.reference()?;
+            if effect.leaving {
                 return None;
             }
-            let angle = self.distance(scene, effect, q)?;
+            let angle = match anchor {
+                // It is anchored when the rig is enabled.
+                Anchor::Here => {
+                    let goal = anchored(reference, anchor, q);
+                    effect.kind.excess(goal, q, scene.numbers(effect.numbers))?
+                }
+                Anchor::Absolute => self.distance(scene, effect, q)?,
+            };
             (!(angle <= limit)).then_some((effect.slot, angle))
         })
     }

@@ -8,7 +8,7 @@
 
 use super::target::Target;
 use super::{Anchor, Law, Now};
-use crate::real::{Quat, Real, TURN, Vec3, round, sincos};
+use crate::real::{PI, Quat, Real, TURN, Vec3, fabs, round, sincos};
 use crate::render::outline::{Angles, Outline};
 
 /// An effect that makes clicks: short pulses of torque about an axis. It clicks on request,
@@ -70,6 +70,12 @@ impl Pulse {
             return None;
         }
         let count = i32::from(self.count);
+        if count == 1 {
+            // The only notch is left and reached at a half turn, where the side changes.
+            let side = i32::from(dial.psi < 0.0);
+            let last = state.notch.replace(side)?;
+            return (fabs(dial.psi) > 0.5 * PI && last != side).then_some(last == 1);
+        }
         let notch = (round(dial.psi * Real::from(self.count) / TURN) as i32).rem_euclid(count);
         let last = state.notch.replace(notch)?;
         let up = (notch - last).rem_euclid(count);

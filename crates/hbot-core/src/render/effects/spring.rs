@@ -130,7 +130,7 @@ impl Law for Spring {
     }
 
     fn excess(&self, desired: Quat, q: Quat, _: &[Real]) -> Option<Real> {
-        Some(angle_between(desired, q))
+        Some((angle_between(desired, q) - self.deadband).max(0.0))
     }
 
     fn places(&self, _: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, Branch)) {

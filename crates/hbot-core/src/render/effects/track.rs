@@ -203,7 +203,7 @@ impl Law for Track {
 
     fn excess(&self, desired: Quat, q: Quat, numbers: &[Real]) -> Option<Real> {
         let (start, _) = self.path.at(&TrackPlace::default(), numbers);
-        Some(rotation::angle_between(start * desired, q))
+        Some((rotation::angle_between(start * desired, q) - self.deadband).max(0.0))
     }
 
     fn places(&self, numbers: &[Real], visit: &mut dyn FnMut(Spot, Quat, Vec3, TrackPlace)) {
