@@ -148,12 +148,14 @@ def test_a_connection_that_is_closed_says_so(server: Server) -> None:
         except hbot.HbotError as error:
             waiting.append(error)
 
-    thread = threading.Thread(target=wait)
-    thread.start()
+    threads = [threading.Thread(target=wait, daemon=True) for _ in range(3)]
+    for thread in threads:
+        thread.start()
     rig.close()
     rig.close()
-    thread.join(PATIENCE_S)
-    assert "this program has closed" in str(waiting[0])
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert ["this program has closed" in str(error) for error in waiting] == [True] * 3
     with pytest.raises(hbot.ConnectionLost, match="this program has closed"):
         rig.ping()
 

@@ -6,9 +6,7 @@ It never blocks the thread.
 from __future__ import annotations
 
 import contextlib
-import threading
-import time
-from collections import deque
+import queue
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -27,58 +25,45 @@ class Mailbox(Generic[T]):
                 not use `get`.
         """
         self.dropped = self._dropped_before = 0
-        self._items: deque[T] = deque()
+        # The end is an exception among the items. What takes it puts it back for all others.
+        self._items: queue.SimpleQueue[T | Exception] = queue.SimpleQueue()
         self._limit = limit
         self._wake = wake
-        self._end: Exception | None = None
-        # A binary semaphore: free if something has happened since the last `get`.
-        self._signal = threading.Lock()
-        self._signal.acquire()
 
     def put(self, item: T) -> bool:
         """Add an item. Return whether an older one was dropped for it."""
-        full = len(self._items) >= self._limit
+        full = self._items.qsize() >= self._limit
         if full:
-            self._items.popleft()
+            with contextlib.suppress(Exception):  # The end stays.
+                self.take()
             self.dropped += 1
-        self._items.append(item)
-        self._notify()
+        self._add(item)
         return full
 
     def end(self, error: Exception) -> None:
         """Raise `error` to everybody who takes from the mailbox, after the items that are in it."""
-        self._end = error
-        self._notify()
+        self._add(error)
 
     def take(self) -> T | None:
         """Return the oldest item, or None if there is none.
 
         Raises the error of `end` after the last item.
         """
-        try:
-            return self._items.popleft()
-        except IndexError:
-            if self._end is not None:
-                raise self._end from None
-            return None
+        return self.get(0.0)
 
     def get(self, timeout: float | None) -> T | None:
         """Return the oldest item, and wait at most `timeout` s for it (None: without limit).
 
         None: none came.
         """
-        until = None if timeout is None else time.monotonic() + timeout
-        while True:
-            item = self.take()
-            if item is not None:
-                if self._items:
-                    self._release()  # Another thread may wait for the next item.
-                return item
-            left = -1.0 if until is None else until - time.monotonic()
-            if until is not None and left <= 0.0:
-                return None
-            if not self._signal.acquire(timeout=left):
-                return self.take()
+        try:
+            item = self._items.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if isinstance(item, Exception):
+            self._items.put(item)
+            raise item
+        return item
 
     def newest(self, timeout: float) -> tuple[T | None, int]:
         """Return the newest item and the number of older ones that are skipped.
@@ -88,15 +73,12 @@ class Mailbox(Generic[T]):
         item = self.get(timeout)
         dropped = self.dropped
         skipped, self._dropped_before = dropped - self._dropped_before, dropped
-        while item is not None and self._items and (later := self.take()) is not None:
-            item, skipped = later, skipped + 1
+        with contextlib.suppress(Exception):  # The next call raises the end.
+            while item is not None and (later := self.take()) is not None:
+                item, skipped = later, skipped + 1
         return item, skipped
 
-    def _notify(self) -> None:
-        self._release()
+    def _add(self, item: T | Exception) -> None:
+        self._items.put(item)
         if self._wake is not None:
             self._wake()
-
-    def _release(self) -> None:
-        with contextlib.suppress(RuntimeError):  # It is free already.
-            self._signal.release()
