@@ -303,6 +303,20 @@ def test_a_refused_stream_message_comes_as_an_event(rig: hbot.Rig) -> None:
     assert (event.op, event.code) == ("torque", "not_holder")
 
 
+def test_a_stream_message_that_is_too_long_is_not_sent(rig: hbot.Rig, encoding: Encoding) -> None:
+    """The server could not tell which message it refuses, because it does not read the id."""
+    with rig.lease():
+        fits = 2048 - len(rig._connection._encode({"op": "hand", "data": "x" * 1000})) + 1000
+        for more in (0, 1):
+            data = "x" * (fits + more + (4 if encoding == "msgpack" else 0))
+            if more:
+                with pytest.raises(hbot.TooLarge, match="2049 bytes; legal: at most 2048"):
+                    rig._connection.post("hand", {"data": data})
+            else:
+                rig._connection.post("hand", {"data": data})
+            assert rig.set("spring", stiffness=1.0).warnings == ()
+
+
 def test_a_stream_message_is_not_sent_late(rig: hbot.Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """A connection that takes no bytes makes `wait=False` drop the message instead of waiting."""
     with rig.lease():

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import threading
+import time
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from serving import PATIENCE_S, Server, eventually
@@ -105,3 +109,45 @@ def test_the_end_of_the_first_sends_nothing(own_server: Server) -> None:
         del first  # CPython ends a generator with its last reference.
         assert rig.stats().requests == before + 1, "only stats itself"
         assert next(second)
+
+
+class Collecting(dict[int, Any]):
+    """A map from which nothing is taken without a run of the garbage collector."""
+
+    def pop(self, *arguments: Any) -> Any:
+        """Collect, and take."""
+        gc.collect()
+        return super().pop(*arguments)
+
+
+@pytest.mark.parametrize("place", ["reader", "request", "send"])
+def test_an_iteration_can_end_wherever_the_garbage_collector_runs(
+    server: Server, place: str
+) -> None:
+    """In the thread that reads, and where a lock is held: that of requests, and that of sending."""
+    with hbot.connect(server.address, timeout=PATIENCE_S) as rig:
+        connection: Any = rig._connection
+        take, line = connection._take, connection._transport._socket
+        gc.disable()
+        try:
+            cycle = SimpleNamespace(states=rig.states())
+            cycle.itself = cycle
+            next(cycle.states)
+            del cycle
+            began = time.monotonic()
+            if place == "reader":
+                connection._take = lambda message: (gc.collect(), take(message))
+            elif place == "request":
+                connection._pending = Collecting()
+            else:
+                connection._transport._socket = SimpleNamespace(
+                    sendall=lambda data: (gc.collect(), line.sendall(data)),
+                    recv=line.recv,
+                    shutdown=line.shutdown,
+                    close=line.close,
+                )
+            rig.ping()
+            assert time.monotonic() - began < PATIENCE_S / 2
+            eventually(lambda: connection._subscriber is None, "the iteration has ended")
+        finally:
+            gc.enable()

@@ -274,7 +274,7 @@ class Rig(ops.Ops):
 
     async def _finish(self, request: Request[None], send: Send | None = None) -> None:
         """End a block as `hbot.Rig` does."""
-        if self._connection.silent:
+        if self._connection.in_vain:
             await self._send(request, send, ignore)
         else:
             await self._call(request, send)

@@ -27,6 +27,7 @@ from .errors import (
     Refused,
     SubscriptionTaken,
     TimedOut,
+    TooLarge,
 )
 from .events import (
     DroppedEvent,
@@ -103,6 +104,7 @@ class Connection:
         self.lost_lease_to: str | None = None
         self.holder: str | None = None
         self._encode = wire.encoder(options.encoding)
+        self._prefix = wire.LENGTH_BYTES if options.encoding == "msgpack" else 0
         try:
             self._transport = open_transport(server_address(address), options.tls, options.timeout)
         except NoServer as error:
@@ -122,15 +124,16 @@ class Connection:
             raise
         self._splitter = wire.Splitter(options.encoding)
         self._pending: dict[int, _Pending] = {}
-        self._lock = threading.Lock()
+        # All locks of a connection are re-entrant: wherever a thread is, the garbage collector can
+        # end an iteration of states in it, which sends a request.
+        self._lock = threading.RLock()
         self._last_id = 0
         self._error: Exception | None = None
         self._heard = time.monotonic()
         self._told_at = -1.0
         self._stopping: str | None = None
         # A subscription is registered and requested under this lock, so the last one that is
-        # registered is also the last one that the server hears of. It is re-entrant because the
-        # garbage collector can end an iteration of states within it.
+        # registered is also the last one that the server hears of.
         self._subscribing = threading.RLock()
         self._subscriber: Mailbox[State] | None = None
         self._states: Mailbox[State] | None = None
@@ -154,9 +157,10 @@ class Connection:
             self._last_id += 1
             number = self._last_id
         data = self._encode({"id": number, "op": op, **fields})
+        pending = _Pending(op, len(data), answer)
         with self._lock:
             if self._error is None:
-                self._pending[number] = _Pending(op, len(data), answer)
+                self._pending[number] = pending
         self._send(data)
 
     def post(self, op: str, fields: dict[str, Any]) -> bool:
@@ -168,10 +172,15 @@ class Connection:
 
         Raises:
             NotHolder: another client has taken the lease from this one.
+            TooLarge: the message is too long. The server's refusal would not name it, and could
+                count as the answer to a request.
         """
         if self.lost_lease_to is not None:
             raise self.not_holder(op, self.holder)
         data = self._encode({"op": op, **fields})
+        size = len(data) - self._prefix
+        if size > wire.MAX_STREAM_BYTES:
+            raise TooLarge(f"{size} bytes; legal: at most {wire.MAX_STREAM_BYTES}", op=op)
         if self._error is None and not self._transport.writable():
             self._lose(sends=1)
             return False
@@ -179,9 +188,14 @@ class Connection:
         return True
 
     @property
-    def silent(self) -> bool:
-        """Whether nothing has arrived from the server for the timeout of the connection."""
-        return time.monotonic() - self._heard >= self.timeout
+    def in_vain(self) -> bool:
+        """Whether this thread would wait in vain for an answer.
+
+        Either nothing has arrived from the server for the timeout of the connection, or this is the
+        thread that reads: the garbage collector can end an iteration of states in it.
+        """
+        silent = time.monotonic() - self._heard >= self.timeout
+        return silent or threading.current_thread() is self._thread
 
     def writable(self) -> bool:
         """Return whether a short message can be sent without waiting."""

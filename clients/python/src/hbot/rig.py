@@ -219,11 +219,11 @@ class Rig(ops.Ops):
         return request.read(body)
 
     def _finish(self, request: Request[None], send: Send | None = None) -> None:
-        """Send the request that ends a block, and wait for its answer unless the server is silent.
+        """Send the request that ends a block, and wait for its answer unless that is in vain.
 
         A block that ends because the server is silent would otherwise take as long again.
         """
-        if self._connection.silent:
+        if self._connection.in_vain:
             (send or self._connection.request)(request.op, request.fields, ignore)
         else:
             self._call(request, send)

@@ -73,7 +73,7 @@ class Transport:
         except OSError as error:
             raise NoServer(f"no connection to {address}: {error}") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._send_lock = threading.Lock()
+        self._send_lock = threading.RLock()
         self._closed = False
         self._readable = selectors.DefaultSelector()
         self._readable.register(self._socket, selectors.EVENT_READ)
@@ -134,7 +134,7 @@ class TlsTransport(Transport):
         super().__init__(address, timeout)
         self._incoming, self._outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
         self._tls = context.wrap_bio(self._incoming, self._outgoing, server_hostname=self.host)
-        self._tls_lock = threading.Lock()
+        self._tls_lock = threading.RLock()
         try:
             self._shake_hands(timeout)
         except (OSError, ValueError) as error:

@@ -21,7 +21,11 @@ VERSION = 1
 MAX_ANSWER_BYTES = 1 << 20
 """Largest message of a server, bytes."""
 
-_LENGTH_BYTES = 4
+MAX_STREAM_BYTES = 2048
+"""Largest message of a stream, bytes, with the newline of a line, without the length of a map."""
+
+LENGTH_BYTES = 4
+"""Bytes of the length before a map."""
 
 
 def encode_json(message: dict[str, Any]) -> bytes:
@@ -64,7 +68,7 @@ def encoder(encoding: Encoding) -> Callable[[dict[str, Any]], bytes]:
 
     def encode(message: dict[str, Any]) -> bytes:
         body = pack(message, default=_plain)
-        return len(body).to_bytes(_LENGTH_BYTES, "big") + bytes(body)
+        return len(body).to_bytes(LENGTH_BYTES, "big") + bytes(body)
 
     return encode
 
@@ -90,7 +94,7 @@ class Splitter:
         messages = []
         while (body := self._next()) is not None:
             messages.append(self._read(body))
-        if len(self._buffer) > MAX_ANSWER_BYTES + _LENGTH_BYTES:
+        if len(self._buffer) > MAX_ANSWER_BYTES + LENGTH_BYTES:
             raise ProtocolError(f"the server sent a message of more than {MAX_ANSWER_BYTES} bytes")
         return messages
 
@@ -114,12 +118,12 @@ class Splitter:
         return None
 
     def _next_frame(self) -> bytes | None:
-        end = _LENGTH_BYTES + int.from_bytes(self._buffer[:_LENGTH_BYTES], "big")
-        if end > MAX_ANSWER_BYTES + _LENGTH_BYTES:
-            raise ProtocolError(f"the server announced a message of {end - _LENGTH_BYTES} bytes")
-        if len(self._buffer) < max(end, _LENGTH_BYTES):
+        end = LENGTH_BYTES + int.from_bytes(self._buffer[:LENGTH_BYTES], "big")
+        if end > MAX_ANSWER_BYTES + LENGTH_BYTES:
+            raise ProtocolError(f"the server announced a message of {end - LENGTH_BYTES} bytes")
+        if len(self._buffer) < max(end, LENGTH_BYTES):
             return None
-        frame = bytes(self._buffer[_LENGTH_BYTES:end])
+        frame = bytes(self._buffer[LENGTH_BYTES:end])
         del self._buffer[:end]
         return frame
 
