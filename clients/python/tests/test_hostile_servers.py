@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import queue
 import socket
@@ -10,7 +11,7 @@ import threading
 from collections.abc import Callable
 
 import pytest
-from serving import PATIENCE_S
+from serving import PATIENCE_S, Server, eventually
 
 import hbot
 from hbot.connection import Connection, Options
@@ -84,3 +85,23 @@ def test_a_reset_before_the_hello_is_answered_is_a_lost_connection() -> None:
 
     with pytest.raises(hbot.ConnectionLost, match="before the answer to hello"):
         hbot.connect(serve(reset))
+
+
+def test_a_callback_of_events_ends_with_a_connection_that_cannot_be_read(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raised: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", raised.append)
+    before = threading.active_count()
+    rig = hbot.connect(server.address, on_event=raised.append)
+    rig._connection._fail(hbot.ProtocolError("no map"))
+    eventually(lambda: threading.active_count() == before, "both threads have ended")
+
+    async def main() -> None:
+        rig = await hbot.aio.connect(server.address, on_event=raised.append)
+        rig._connection._fail(hbot.ProtocolError("no map"))
+        assert rig._callbacks is not None
+        await asyncio.wait_for(rig._callbacks, PATIENCE_S)
+
+    asyncio.run(main())
+    assert not raised

@@ -243,7 +243,7 @@ class Rig(ops.Ops):
             yield event
 
     async def _call_back(self, on_event: Callable[[Event], None]) -> None:
-        with contextlib.suppress(ConnectionLost):  # The program's next call raises it.
+        with contextlib.suppress(HbotError):  # The program's next call raises it.
             while (event := await self._events.get(None)) is not None:
                 call_back(on_event, event)
 

@@ -200,7 +200,7 @@ class Rig(ops.Ops):
         try:
             while (event := self._events.get(None)) is not None:
                 call_back(self._on_event, event)
-        except ConnectionLost:
+        except HbotError:
             pass  # The program's next call raises it.
 
     def _call(self, request: Request[T], send: Send | None = None) -> T:
