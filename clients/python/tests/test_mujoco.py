@@ -294,6 +294,25 @@ def test_a_coupling_that_the_rig_refuses_is_an_error(server: Server) -> None:
             hbot.mujoco.run(rig, model, "door", duration=5.0, stiffness=500.0)
 
 
+def test_a_coupling_of_which_every_model_is_refused_is_an_error(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = mujoco.MjModel.from_xml_string(DOOR.format(friction=0, peg=""))
+    with hbot.connect(server.address) as rig, rig.lease():
+        rig.load_scene({"name": "Nothing", "effect": []})
+        rig.enable()
+        post = rig._connection.post
+
+        def late(op: str, fields: dict[str, Any]) -> bool:
+            """Send what was computed from a state that is too old."""
+            return post(op, {**fields, "tick": 1})
+
+        monkeypatch.setattr(rig._connection, "post", late)
+        eventually(lambda: rig.ping().tick > rig.info.limits.max_age_ticks + 1, "tick 1 is old")
+        with pytest.raises(hbot.OutOfRange, match="max_age_ticks"):
+            hbot.mujoco.run(rig, model, "door", duration=5.0)
+
+
 def test_a_stiff_rig_does_not_make_a_light_body_heavy() -> None:
     """With the lead, a rig keeps 258 N m/rad stable; steps of 2 ms would need twice its inertia."""
     model = mujoco.MjModel.from_xml_string(BALL.format(joint="ball", peg=""))

@@ -434,9 +434,12 @@ def run(
 
     def torque(state: State) -> Model | None:
         nonlocal updates, spent, rig_work, first, newest
-        if first is not None and state.client is not None:
-            ages.append(state.client.age_ticks)
-            if connection.refused > refused and ages[-1] > rig.hello.rate_hz:
+        if first is not None:
+            # Before the first model is accepted, no state names one.
+            client, age = state.client, state.tick - first.tick
+            if client is not None:
+                ages.append(age := client.age_ticks)
+            if connection.refused > refused and age > rig.hello.rate_hz:
                 raise OutOfRange(connection.refusal, op="model")
         begun, begins = time.perf_counter(), hand.begins
         made = hand.update(state)
