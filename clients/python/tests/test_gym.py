@@ -81,6 +81,21 @@ def test_a_step_takes_its_ticks_and_its_torque_acts(env: Any) -> None:
     assert again["goal"] == pytest.approx(np.array(state.q) * np.sign(state.q[0]), abs=1e-6)
 
 
+def test_a_reset_that_fails_is_made_good_by_the_next(
+    env: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def late(_scene: object) -> None:
+        raise hbot.TimedOut("load_scene: no answer for 5.0 s")
+
+    monkeypatch.setattr(env.rig, "load_scene", late)
+    with pytest.raises(hbot.TimedOut):
+        env.reset(seed=1)
+    assert env.rig.refresh().lease.holder is None
+    monkeypatch.undo()
+    env.reset(seed=1)
+    assert env.rig.refresh().scene["name"] == "Gymnasium"
+
+
 def test_in_real_time_a_slow_program_is_told_what_it_skipped(own_server: Server) -> None:
     env = made(own_server)
     env.reset(seed=1)

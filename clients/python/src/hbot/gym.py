@@ -138,15 +138,17 @@ class Env(gymnasium.Env[dict[str, Array], Array]):
         """
         super().reset(seed=seed)
         if not self._held:
-            self._stack.enter_context(self.rig.lease())
+            with ExitStack() as stack:
+                stack.enter_context(self.rig.lease())
+                try:
+                    self.rig.advance(1)
+                except OutOfRange:  # The server runs in real time.
+                    self._states, self._wait = stack.enter_context(
+                        self.rig._subscription(self._every)
+                    )
+                self.rig.load_scene(self._scene)
+                self._stack.enter_context(stack.pop_all())
             self._held = True
-            try:
-                self.rig.advance(1)
-            except OutOfRange:  # The server runs in real time.
-                self._states, self._wait = self._stack.enter_context(
-                    self.rig._subscription(self._every)
-                )
-            self.rig.load_scene(self._scene)
         self.rig.enable()
         begun = self._next()
         self._state = begun
