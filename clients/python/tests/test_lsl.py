@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +19,7 @@ from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
 import hbot
 from hbot import clock
 from hbot.lsl import streams
-from hbot.lsl.__main__ import arguments
+from hbot.lsl.__main__ import Publisher, arguments
 
 pylsl = pytest.importorskip("pylsl", reason="the extra lsl is installed in CI")
 
@@ -209,6 +211,44 @@ def test_a_wrong_option_is_named(
     with pytest.raises(SystemExit, match="2"):
         arguments(options)
     assert message in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_program_that_waits_for_its_server(tmp_path: Path) -> None:
+    log = tmp_path / "lsl.log"
+    command = [sys.executable, "-m", "hbot.lsl", "127.0.0.1:1", "--markers", "127.0.0.1:0"]
+    with log.open("wb") as out, subprocess.Popen(command, stdout=out, stderr=out) as program:
+        eventually(lambda: "no connection" in log.read_text(), "it waits")
+        time.sleep(0.1)  # Its subject is a moment of the wait.
+        program.send_signal(signal.SIGINT)
+        assert program.wait(PATIENCE_S) == 0
+    assert len(log.read_text().splitlines()) == 2, "where markers go, and what is missing"
+
+
+def test_the_clock_is_followed_while_events_come_and_after_a_late_answer(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publisher = Publisher(arguments([server.address]))
+    publisher._offset = clock.Offset(0.0, 0.0, shared=True)
+    asked: list[str] = []
+
+    def told(_rig: hbot.Rig) -> None:
+        asked.append("")
+        if len(asked) == 1:
+            raise hbot.TimedOut("info: no answer for 5.0 s")
+
+    monkeypatch.setattr(clock, "told", told)
+    event = hbot.LostEvent(1, 0, 0)
+    with hbot.connect(server.address) as rig:
+        watch = threading.Thread(target=publisher._watch, args=(rig,), daemon=True)
+        watch.start()
+
+        def flooded() -> bool:
+            rig._connection._put_event(event)
+            return len(asked) >= 3
+
+        eventually(flooded, "it asks again")
+    watch.join(PATIENCE_S)
+    assert not watch.is_alive()
 
 
 def test_round_trips_enclose_the_clock(server: Server) -> None:

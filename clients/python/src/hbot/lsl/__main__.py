@@ -8,6 +8,7 @@ import socketserver
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from .. import clock
@@ -129,20 +130,22 @@ class Publisher:
     def _watch(self, rig: Rig) -> None:
         """Publish the events, and follow the server's clock. Runs in a thread."""
         measured = time.monotonic()
-        try:
+        with suppress(HbotError):  # The thread that reads states reports the end.
             while True:
+                due = time.monotonic() + FOLLOW_EVERY_S
                 for event in rig.events(FOLLOW_EVERY_S):
                     self._mark(rig, event)
+                    if time.monotonic() > due:
+                        break
                 if self._offset is None:
                     continue
-                if self._offset.shared:
-                    # It moves when the time of the simulated rig waits for a busy machine.
-                    self._offset = clock.told(rig) or self._offset
-                elif time.monotonic() - measured > MEASURE_EVERY_S:
-                    measured = time.monotonic()
-                    self._follow(rig)
-        except HbotError:
-            pass  # The thread that reads states reports the end.
+                with suppress(TimedOut):  # One late answer: it is asked again.
+                    if self._offset.shared:
+                        # It moves when the time of the simulated rig waits for a busy machine.
+                        self._offset = clock.told(rig) or self._offset
+                    elif time.monotonic() - measured > MEASURE_EVERY_S:
+                        measured = time.monotonic()
+                        self._follow(rig)
 
     def _follow(self, rig: Rig) -> None:
         before = self._offset
@@ -220,18 +223,17 @@ def publish(options: argparse.Namespace) -> None:
     host, port = lines.server_address[:2]
     print(f"markers of clients: one line of text each, to {host!s}:{port}", flush=True)
     said = ""
-    while True:
-        try:
-            publisher.run()
-        except (ConnectionLost, NoServer, TimedOut) as error:
-            if str(error) != said:
-                said = str(error)
-                print(said, file=sys.stderr, flush=True)
-            if publisher.outlets is not None and isinstance(error, ConnectionLost):
-                publisher.outlets.mark("disconnected")
-            time.sleep(RETRY_S)
-        except KeyboardInterrupt:
-            return
+    with suppress(KeyboardInterrupt):
+        while True:
+            try:
+                publisher.run()
+            except (ConnectionLost, NoServer, TimedOut) as error:
+                if str(error) != said:
+                    said = str(error)
+                    print(said, file=sys.stderr, flush=True)
+                if publisher.outlets is not None and isinstance(error, ConnectionLost):
+                    publisher.outlets.mark("disconnected")
+                time.sleep(RETRY_S)
 
 
 if __name__ == "__main__":
