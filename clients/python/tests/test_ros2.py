@@ -227,6 +227,7 @@ def test_models_act_and_bad_commands_are_warnings(server: Server, peer: Peer) ->
         ({"stamp": [1, 0], "stiffness": 1.0}, "has the stamp 1.000000000 s"),
         ({"stiffness": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}, "symmetric"),
         ({"stiffness": "much"}, "command:"),
+        ({"torque": [10**400, 0, 0]}, "command: int too large"),
     ):
         peer.until(lambda bad=bad, said=said: send(**bad) or said in peer.log(), said)  # type: ignore[misc, func-returns-value]
     message = WrenchStamped()
@@ -239,6 +240,14 @@ def test_models_act_and_bad_commands_are_warnings(server: Server, peer: Peer) ->
     peer.until(refused, "a command in another frame is refused")
     before = len(poses)
     peer.until(lambda: len(poses) > before + 10, "states still come")
+
+
+def test_the_end_of_taking_commands_ends_the_program(server: Server) -> None:
+    code = "from hbot.ros2 import node; node.SingleThreadedExecutor.spin = lambda _: 1 / 0; "
+    command = [sys.executable, "-c", f"{code} node.main()", server.address]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode == 1
+    assert "ZeroDivisionError" in done.stderr
 
 
 def test_a_server_that_is_missing_is_one_line(tmp_path: Path) -> None:

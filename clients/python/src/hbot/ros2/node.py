@@ -117,7 +117,7 @@ class Bridge:
         """Pass a command on. One that is not legal is a warning, and changes nothing."""
         try:
             take(message)
-        except (HbotError, ValueError, TypeError) as error:
+        except Exception as error:  # Whatever a message holds, those after it are taken.
             self._node.get_logger().warning(f"command: {error}", throttle_duration_sec=1.0)
 
     def _wrench(self, message: Any) -> None:
@@ -198,6 +198,15 @@ def arguments(given: list[str] | None = None) -> tuple[argparse.Namespace, list[
     return options, ros
 
 
+def spin(executor: Any, rig: Rig) -> None:
+    """Take commands until the end. One by an exception ends the program too. Runs in a thread."""
+    try:
+        executor.spin()
+    except BaseException:
+        rig.close()
+        raise
+
+
 def run(options: argparse.Namespace, ros: list[str]) -> None:
     """Publish until Ctrl-C.
 
@@ -227,7 +236,7 @@ def run(options: argparse.Namespace, ros: list[str]) -> None:
         node.create_timer(CLOCK_S, bridge.follow)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        threading.Thread(target=executor.spin, daemon=True).start()
+        threading.Thread(target=spin, args=(executor, rig), daemon=True).start()
         stack.callback(executor.shutdown)
         node.get_logger().info(f"{rig.info.rig.name} at {options.address}")
         # The newest state, so that a slow machine leaves states out and nothing gets older.
