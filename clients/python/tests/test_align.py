@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import functools
+import io
 import math
 import os
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from serving import Server, eventually
+from serving import PATIENCE_S, Server, eventually
 
 import hbot
 from hbot import turns
+from hbot.align import Measured
+from hbot.align.__main__ import arguments, source
 from hbot.align.fictrac import Fictrac, orientation
 from hbot.turns import Quaternion
 
@@ -226,6 +231,20 @@ def test_april_tags_in_a_picture_show_the_orientation() -> None:
     assert max(errors) < 1.5e-3, errors
 
 
+def test_a_picture_is_as_old_as_its_detection_took(monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(_tags: AprilTags, _picture: object) -> Measured:
+        time.sleep(0.1)  # Its subject is time.
+        return Measured(IDENTITY, (0.1, 0.1, 0.1), age=0.04)
+
+    monkeypatch.setattr(AprilTags, "measure", measure)
+    monkeypatch.setattr(Layout, "read", lambda _path: Layout(layout([])))
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(bytes(6))))
+    options = arguments(["apriltags", "--layout", "tags.toml", "--size", "3x2"])
+    unused: Any = None
+    (measured,) = source(options, unused)
+    assert 0.14 <= measured.age < 0.14 + PATIENCE_S
+
+
 def test_a_picture_without_tags_says_nothing() -> None:
     source = AprilTags(Layout(layout(around())))
     assert source.measure(np.full((ROWS, COLUMNS), 128, np.uint8)) is None
@@ -292,11 +311,14 @@ def test_the_program_corrects_a_server_by_pictures(server: Server, tmp_path: Pat
     want = turns.exp((0.03, -0.02, 0.04))
     pictures = tmp_path / "pictures.raw"
     pictures.write_bytes(rendered(want, tags).tobytes() * 40)
+    # A picture that is turned by far more than the sigma of both is ignored.
+    with pictures.open("ab") as more:
+        more.write(rendered(turns.exp((0.0, 0.0, 0.5)), tags).tobytes())
     command = [sys.executable, "-m", "hbot.align", "apriltags", "--server", server.address,
                "--layout", str(tmp_path / "tags.toml"), "--size", f"{COLUMNS}x{ROWS}"]  # fmt: skip
     with pictures.open("rb") as given:
         done = subprocess.run(command, stdin=given, capture_output=True, timeout=50, check=False)
     assert done.returncode == 0, done.stderr
-    assert b"40 orientations" in done.stdout
+    assert done.stdout.endswith(b"41 orientations, of which the server has ignored 1\n")
     with hbot.connect(server.address) as rig:
         assert apart(next(rig.states()).q, want) < 3e-3

@@ -19,6 +19,7 @@ from serving import PATIENCE_S, RATE_HZ, SCENES, Server, eventually
 import hbot
 from hbot import connection as connection_module
 from hbot import rig as rig_module
+from hbot import turns
 from hbot.arrays import columns
 from hbot.wire import Encoding
 
@@ -100,7 +101,11 @@ def test_measurements_with_a_sigma_make_the_uncertainty_known(rig: hbot.Rig) -> 
     with rig.lease():
         state = next(rig.states())
         # The shared server keeps the uncertainty that an earlier test has made known.
-        assert rig.align(state.q, sigma=(0.1, 0.1, 0.1), t=state.t) < 0.1
+        found = rig.align(state.q, sigma=(0.1, 0.1, 0.1), t=state.t)
+        assert found < 0.1
+        assert found.used
+        far = turns.times(turns.exp((3.0, 0.0, 0.0)), state.q)
+        assert not rig.align(far, sigma=(1e-3, 1e-3, 1e-3)).used
         assert rig.align_direction((0, 0, -1), (0, 0, -2), sigma=3.0) < 3.2
         sigma = next(rig.states()).orientation_sigma
         assert sigma is not None

@@ -16,7 +16,7 @@ asyncio.
 """
 
 from . import aio
-from .answers import Changed, Controller, Distribution, Loaded, Pong, Stats
+from .answers import Changed, Controller, Difference, Distribution, Loaded, Pong, Stats
 from .errors import (
     BadRequest,
     Busy,
@@ -74,6 +74,7 @@ __all__ = [
     "Computed",
     "ConnectionLost",
     "Controller",
+    "Difference",
     "Distribution",
     "DroppedEvent",
     "Effect",

@@ -30,6 +30,20 @@ class Changed:
     effect in it."""
 
 
+class Difference(float):
+    """The answer to `align` and `align_direction`: the angle before the correction, rad."""
+
+    used: bool
+    """False if the measurement corrects nothing: the filter has ignored it."""
+
+    @classmethod
+    def of(cls, body: Any) -> Difference:
+        """Return what an answer says."""
+        made = cls(body["angle"])
+        made.used = body.get("used", True)
+        return made
+
+
 @dataclass(frozen=True, slots=True)
 class Pong:
     """The answer to `ping`."""

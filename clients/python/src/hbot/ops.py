@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
-from .answers import Changed, Controller, Controllers, Loaded, Pong, Stats
+from .answers import Changed, Controller, Controllers, Difference, Loaded, Pong, Stats
 from .checks import finite
 from .decode import decode
 from .events import Mode, State
@@ -250,7 +250,7 @@ class Ops:
         *,
         sigma: Iterable[float] | None = None,
         t: float | None = None,
-    ) -> Request[float]:
+    ) -> Request[Difference]:
         """Correct the server's orientation by one that was measured from outside.
 
         Args:
@@ -264,7 +264,8 @@ class Ops:
             t: time of the measurement since the loop began, s. None: the time of arrival.
 
         Returns:
-            The difference before the correction, rad.
+            The difference before the correction, rad. Its attribute `used` is False if the server
+            ignores the measurement.
         """
         fields = _given(
             q=finite("q", q),
@@ -272,7 +273,7 @@ class Ops:
             sigma=None if sigma is None else finite("sigma", sigma),
             t=t,
         )
-        return Request("align", fields, lambda body: float(body["angle"]))
+        return Request("align", fields, Difference.of)
 
     @Op
     def align_direction(
@@ -282,7 +283,7 @@ class Ops:
         sigma: float,
         *,
         t: float | None = None,
-    ) -> Request[float]:
+    ) -> Request[Difference]:
         """Correct the server's orientation by a measured direction, such as that of gravity.
 
         Args:
@@ -292,10 +293,11 @@ class Ops:
             t: time of the measurement since the loop began, s. None: the time of arrival.
 
         Returns:
-            The angle between the direction and the server's own before the correction, rad.
+            The angle between the direction and the server's own before the correction, rad, with
+            `used` as that of `align`.
         """
         fields = _given(body=finite("body", body), world=finite("world", world), sigma=sigma, t=t)
-        return Request("align_direction", fields, lambda answer: float(answer["angle"]))
+        return Request("align_direction", fields, Difference.of)
 
     @Op
     def hand(

@@ -6,7 +6,9 @@ import argparse
 import functools
 import socket
 import sys
+import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from ..environment import server_address
@@ -113,9 +115,10 @@ def source(options: argparse.Namespace, rig: Rig) -> Iterator[Measured]:
     columns, rows = options.size
     print("waits for pictures", flush=True)
     while len(picture := sys.stdin.buffer.read(columns * rows)) == columns * rows:
+        arrived = time.monotonic()
         measured = tags.measure(np.frombuffer(picture, np.uint8).reshape(rows, columns))
         if measured is not None:
-            yield measured
+            yield replace(measured, age=measured.age + time.monotonic() - arrived)
 
 
 def correct(options: argparse.Namespace) -> None:
@@ -128,15 +131,15 @@ def correct(options: argparse.Namespace) -> None:
         connect(options.server, name="align", token=options.token_file, tls=options.ca) as rig,
         rig.lease(),
     ):
-        measured = 0
+        measured = ignored = 0
         for it in source(options, rig):
-            # A measurement has just arrived, so the last tick tells when.
+            # The age is that of now, so the last tick tells when.
             t = max(rig.ping().t - it.age, 0.0)
             off = rig.align(it.q, sigma=it.sigma, t=t)
-            measured += 1
+            measured, ignored = measured + 1, ignored + (not off.used)
             if measured == 1:
                 print(f"the first orientation is {off:.3f} rad from the server's", flush=True)
-        print(f"{measured} orientations", flush=True)
+        print(f"{measured} orientations, of which the server has ignored {ignored}", flush=True)
 
 
 def main() -> None:
