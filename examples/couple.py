@@ -8,7 +8,8 @@ the other sphere. Nothing pulls at the start, wherever the spheres are.
 `--delay-ms` holds the orientations back, to try what a long way between the rigs would do.
 
 Ctrl-C ends the coupling: both motors ramp to zero and both leases are given back. The same happens
-if a server ends, a rig goes into a fault, or another client takes a lease.
+if a server ends, a rig goes into a fault, or another client takes a lease. A rig that does not
+confirm that its torque is off is named.
 
 docs/coupling.md derives which stiffness is stable for which delay. `--study FOLDER` measures it on
 two simulated rigs, which it starts itself.
@@ -31,8 +32,8 @@ from types import FrameType
 from typing import Any
 
 import hbot
+from hbot.turns import Quaternion, conjugate, times
 
-Quaternion = tuple[float, float, float, float]
 EFFECT = "other"
 """Id of the spring to the other sphere, in both scenes."""
 MAX_DELAY = 1.0
@@ -56,23 +57,6 @@ def scene(stiffness: float, damping: float) -> dict[str, Any]:
         "name": "The other sphere",
         "effect": [{**spring, "stiffness": stiffness, "damping": damping}],
     }
-
-
-def product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Return the rotation `q` followed by the rotation `p`, both about axes of frame N."""
-    a, b, c, d = p
-    w, x, y, z = q
-    return (
-        a * w - b * x - c * y - d * z,
-        a * x + b * w + c * z - d * y,
-        a * y - b * z + c * w + d * x,
-        a * z + b * y - c * x + d * w,
-    )
-
-
-def inverse(q: Quaternion) -> Quaternion:
-    """Return the inverse of a unit quaternion."""
-    return (q[0], -q[1], -q[2], -q[3])
 
 
 @dataclass
@@ -108,6 +92,8 @@ class End:
         """Orientation from which the sphere's turn is measured."""
         self.log: list[hbot.State] | None = None
         """If a list: every state is appended to it."""
+        self.off: bool | None = None
+        """Whether the last `stop` has switched the torque off. None: there was none."""
 
     def start(self, stiffness: float, damping: float, more: dict[str, Any] | None = None) -> None:
         """Load the scene and begin to render, with the soft start of 0.5 s.
@@ -118,12 +104,23 @@ class End:
             more: other tables of the scene, such as `simulate`.
         """
         self.rig.disable()
+        self.off = None
         if self.rig.reset() == "fault":
             raise CouplingError(f"{self.address} is in a fault whose cause is still there")
         self.rig.load_scene({**scene(stiffness, damping), **(more or {})})
         self.rig.enable()
         self.origin = next(self.rig.states()).q
         self.rig.refresh()
+
+    def stop(self) -> None:
+        """Switch the torque off. If the server does not confirm that, says what to do."""
+        self.off = False
+        try:
+            self.rig.disable()
+            self.off = True
+        except hbot.HbotError as error:
+            # A rig whose server still runs can go on to push.
+            print(f"{self.address}: not confirmed, cut its power: {error}", file=sys.stderr)
 
     def begin(self) -> float | None:
         """Return the time of tick 0 on CLOCK_MONOTONIC of the server's machine, s."""
@@ -184,12 +181,12 @@ class Coupling:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        """Stop sending and switch both torques off. A server that has ended has none."""
+        """Stop sending, and switch both torques off at the same time: one may not answer."""
         self._over.set()
-        for end in self.ends:
-            with contextlib.suppress(hbot.HbotError):
-                end.rig.disable()
-        for thread in self._threads:
+        stops = [threading.Thread(target=end.stop, daemon=True) for end in self.ends]
+        for thread in stops:
+            thread.start()
+        for thread in (*stops, *self._threads):
             thread.join()
 
     def wait(self, seconds: float) -> None:
@@ -220,7 +217,7 @@ class Coupling:
             held: deque[hbot.State] = deque()
             # A turn from the origin of one sphere becomes the same turn, about the same axis of
             # frame N, from the origin of the other.
-            between = product(inverse(source.origin), target.origin)
+            between = times(conjugate(source.origin), target.origin)
             states_late = round(self._delay * source.rig.hello.rate_hz)
             for state in source.rig.states():
                 if self._over.is_set():
@@ -229,7 +226,7 @@ class Coupling:
                 held.append(state)
                 if len(held) > states_late:
                     old = held.popleft()
-                    q = product(old.q, between)
+                    q = times(old.q, between)
                     try:
                         target.rig.reference(EFFECT, q=q, seq=old.tick, wait=False)
                     except hbot.NotHolder as error:
@@ -243,9 +240,14 @@ class Coupling:
 
 @contextlib.contextmanager
 def connected(address: str, token: Path | None) -> Iterator[End]:
-    """Connect to a server and hold its lease for the time of a block."""
+    """Connect to a server and hold its lease for the time of a block. Then the torque is off."""
     with hbot.connect(address, name="couple", token=token) as rig, rig.lease():
-        yield End(rig, address)
+        end = End(rig, address)
+        try:
+            yield end
+        finally:
+            if end.off is None:
+                end.stop()
 
 
 def describe(end: End) -> str:
@@ -271,13 +273,14 @@ def report(end: End, seconds: float) -> str:
     )
 
 
-def run(options: argparse.Namespace) -> None:
-    """Couple two servers until Ctrl-C."""
+def run(options: argparse.Namespace, ends: list[End]) -> None:
+    """Couple two servers until Ctrl-C. Adds both rigs to `ends`."""
     with (
         connected(options.servers[0], options.token_file) as a,
         connected(options.servers[1], options.token_file) as b,
     ):
-        for end in (a, b):
+        ends += (a, b)
+        for end in ends:
             print(describe(end), flush=True)
             end.start(options.stiffness, options.damping)
         with Coupling(a, b, options.delay_ms * 1e-3) as coupling:
@@ -286,7 +289,7 @@ def run(options: argparse.Namespace) -> None:
                 coupling.wait(1.0)
                 coupling.check_events()
                 now = time.monotonic()
-                for end in (a, b):
+                for end in ends:
                     print(report(end, now - last), flush=True)
                     end.rig.refresh()  # The clock of a simulated rig moves.
                 last = now
@@ -315,7 +318,10 @@ def interrupt(_number: int, _frame: FrameType | None) -> None:
 
 
 def main() -> None:
-    """Run the program. Exit code: 0 after Ctrl-C, 1 if the coupling ended by itself."""
+    """Run the program.
+
+    Exit code: 0 after Ctrl-C; 1 if the coupling ended by itself or a torque may not be off.
+    """
     options = parse()
     # A shell that starts this program in the background makes it ignore SIGINT. A stop must work
     # there too.
@@ -326,14 +332,17 @@ def main() -> None:
 
         study.run(options.study)
         return
-    try:
-        with hbot.one_line_errors(CouplingError):
-            run(options)
-    except KeyboardInterrupt:
-        print("\nStopped. The torque of both rigs is off.")
-    except SystemExit:
-        print("The torque of each rig that still answers is off.", file=sys.stderr)
-        raise
+    ends: list[End] = []
+    with contextlib.suppress(SystemExit):
+        try:
+            with hbot.one_line_errors(CouplingError):
+                run(options, ends)
+        except KeyboardInterrupt:
+            if ends and all(end.off for end in ends):
+                print("\nStopped. The torque of both rigs is off.")
+                return
+    print("The torque of each rig that still answers is off.", file=sys.stderr)
+    sys.exit(1)
 
 
 if __name__ == "__main__":

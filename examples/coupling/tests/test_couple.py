@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 import hbot
-from couple import Coupling, CouplingError, End, Quaternion, connected, inverse, main, product
+from couple import Coupling, CouplingError, End, connected, main, parse, run
+from hbot.turns import Quaternion, conjugate, times
 from serving import PATIENCE_S, RATE_HZ, Server, eventually
 
 PROGRAM = Path(__file__).parents[2] / "couple.py"
@@ -58,7 +59,7 @@ def angle(q: Quaternion) -> float:
 def turn(end: End) -> Quaternion:
     """Return what a sphere has turned since the start."""
     assert end.log
-    return product(end.log[-1].q, inverse(end.origin))
+    return times(end.log[-1].q, conjugate(end.origin))
 
 
 def until(coupling: Coupling, condition: Callable[[], object], what: str) -> None:
@@ -87,25 +88,13 @@ def given(end: End) -> float:
     return max(state.energy for state in log) - log[0].energy
 
 
-def test_a_turn_goes_from_origin_to_origin() -> None:
-    quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # about n3
-    half = product(quarter, quarter)
-    assert half == pytest.approx((0.0, 0.0, 0.0, 1.0))
-    about_n1 = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
-    # First about n1, then about n3: n2 goes to n3 and stays there; n1 goes to n2.
-    both_turns = product(quarter, about_n1)
-    for axis, goal in (((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))):
-        turned = product(product(both_turns, (0.0, *axis)), inverse(both_turns))
-        assert turned[1:] == pytest.approx(goal)
-
-
 def test_a_free_sphere_follows_the_sphere_in_a_hand(tmp_path: Path) -> None:
     with both(tmp_path) as (a, b):
         a.start(FIRM, DAMPING, {"simulate": {"hand": {"rate": 0.25}}})
         b.start(FIRM, DAMPING, FREE)
         with Coupling(a, b, 0.0) as coupling:
             until(coupling, lambda: b.log and angle(turn(b)) > 0.2, "the other sphere turns")
-            apart = angle(product(turn(a), inverse(turn(b))))
+            apart = angle(times(turn(a), conjugate(turn(b))))
             # The hand turns at 0.5 rad/s: damping 0.02 N m s/rad then stretches the spring of
             # 0.3 N m/rad by 0.03 rad. A swing of the start adds as much; apart they are 0.2 rad.
             assert apart < 0.1
@@ -213,6 +202,34 @@ def test_ctrl_c_switches_both_torques_off(tmp_path: Path) -> None:
         eventually(lambda: is_off(first) and is_off(second), "both are off")
 
 
+def test_a_rig_that_does_not_confirm_its_stop_is_named(tmp_path: Path) -> None:
+    with servers(tmp_path) as (first, second):
+        with command(first.address, second.address) as program:
+            reported(program, 2)
+            second.signal(signal.SIGSTOP)
+            program.send_signal(signal.SIGINT)
+            output, errors = program.communicate(timeout=PATIENCE_S)
+        assert program.returncode == 1
+        assert "Stopped" not in output
+        said = errors.splitlines()
+        assert said[0].startswith(f"{second.address}: not confirmed, cut its power: ")
+        assert said[1:] == ["The torque of each rig that still answers is off."]
+        eventually(lambda: is_off(first), "the other is off")
+
+
+def test_the_second_rig_does_not_start_and_the_first_is_switched_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with servers(tmp_path) as (first, second):
+        answers = iter(["idle", "fault"])
+        monkeypatch.setattr(hbot.Rig, "reset", lambda _rig: next(answers))
+        ends: list[End] = []
+        with pytest.raises(CouplingError, match="in a fault"):
+            run(parse([first.address, second.address]), ends)
+        assert [end.off for end in ends] == [True, True]
+        eventually(lambda: is_off(first), "the first is off")
+
+
 def test_the_death_of_one_server_releases_the_other(tmp_path: Path) -> None:
     with servers(tmp_path) as (first, second):
         with command(first.address, second.address) as program:
@@ -221,8 +238,9 @@ def test_the_death_of_one_server_releases_the_other(tmp_path: Path) -> None:
             _, errors = program.communicate(timeout=PATIENCE_S)
         assert program.returncode == 1
         said = errors.splitlines()
-        assert said[0].startswith("error: ")
-        assert said[1:] == ["The torque of each rig that still answers is off."]
+        assert said[0].startswith(f"{first.address}: not confirmed, cut its power: ")
+        assert said[1].startswith("error: ")
+        assert said[2:] == ["The torque of each rig that still answers is off."]
         eventually(lambda: is_off(second), "the other is off")
 
 
