@@ -195,12 +195,10 @@ class Ops:
             blend_ms: time in which the torque of before blends into this one, 0 to 200 ms. None:
                 the time since the last model, at most 50 ms.
             soften: render what the loop does not keep stable with less stiffness, do not refuse it.
-            valid_ms: time from its arrival until it ends, 1 to 1000 ms. Then it ramps to zero over
-                20 ms.
-            tick: the tick of the state from which it was computed.
-            seq: a number of your choice. States return it as `state.client.seq`.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
-                client has taken the lease, the next call raises `NotHolder`.
+            valid_ms: as that of `torque`.
+            tick: as that of `torque`.
+            seq: as that of `torque`.
+            wait: as that of `torque`.
 
         Returns the fraction of the stiffness that is rendered: 1, or less if the model allows the
         server to soften it. Without `wait`, None.
@@ -231,10 +229,9 @@ class Ops:
             q: quaternion `(w, x, y, z)`, which rotates sphere axes into N.
             omega: angular velocity of the reference in frame N, rad/s.
             valid_ms: time after which `omega` ends, 1 to 1000 ms. The server's default is 100.
-            tick: the tick of the state from which it was computed.
-            seq: a number of your choice.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
-                client has taken the lease, the next call raises `NotHolder`.
+            tick: as that of `torque`.
+            seq: as that of `torque`.
+            wait: as that of `torque`.
         """
         turning = None if omega is None else finite("omega", omega)
         fields = _given(
@@ -318,8 +315,7 @@ class Ops:
             stiffness: spring of the grip, N m/rad. None: 3.
             damping: damping of the grip, N m s/rad. None: 0.05.
             inertia: inertia that the hand adds to the sphere, kg m². None: 0.002.
-            wait: wait for the answer. Without, a refusal comes as a `RefusedEvent`; if another
-                client has taken the lease, the next call raises `NotHolder`.
+            wait: as that of `torque`.
         """
         if q is None:
             return Request("hand", {"release": True}, _none, wait=wait)
