@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from contextlib import ExitStack
+import time
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,8 @@ from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 AXES = "xyz"
+OLD_PERIODS = 5
+"""Periods after which a state is no action any more."""
 
 
 @TeleoperatorConfig.register_subclass("hbot")
@@ -23,7 +26,7 @@ class HbotConfig(TeleoperatorConfig):
     address: str | None = None
     """Address of the server. None: as `hbot.connect`."""
     every: int = 10
-    """Ticks from one state to the next. An action is at most so old."""
+    """Ticks from one state to the next, the period. An action is at most five periods old."""
     valid_ms: int = 200
     """Time after which the last feedback ends, 1 to 1000 ms."""
 
@@ -40,6 +43,7 @@ class Hbot(Teleoperator):  # type: ignore[misc]
         self.config = config
         self._stack: ExitStack | None = None
         self._state: hbot.State | None = None
+        self._came_at = 0.0
         self._error: Exception | None = None
         self._came = threading.Event()
 
@@ -56,8 +60,8 @@ class Hbot(Teleoperator):  # type: ignore[misc]
 
     @property
     def is_connected(self) -> bool:
-        """Whether the connection is open."""
-        return self._stack is not None
+        """Whether the connection is open and states come."""
+        return self._stack is not None and self._error is None
 
     @property
     def is_calibrated(self) -> bool:
@@ -81,6 +85,9 @@ class Hbot(Teleoperator):  # type: ignore[misc]
         """
         if self.is_connected:
             raise DeviceAlreadyConnectedError
+        if self._stack is not None:
+            with suppress(hbot.HbotError):  # It has ended, which the exception would say again.
+                self.disconnect()
         self._state = self._error = None
         self._came.clear()
         with ExitStack() as stack:
@@ -95,13 +102,17 @@ class Hbot(Teleoperator):  # type: ignore[misc]
         """Keep the newest state until the connection ends."""
         try:
             for state in rig.states(self.config.every):
-                self._state = state
+                self._state, self._came_at = state, time.monotonic()
                 self._came.set()
         except hbot.HbotError as error:
             self._error = error
             self._came.set()
 
     def _newest(self) -> hbot.State:
+        """Return the newest state. In a silence, waits for the next."""
+        age = time.monotonic() - self._came_at
+        if self._error is None and age > OLD_PERIODS * self.config.every / self.rig.hello.rate_hz:
+            self._came.clear()
         if not self._came.wait(self.rig._connection.timeout) or self._error is not None:
             raise self._error or hbot.TimedOut("no state came")
         assert self._state is not None
@@ -117,7 +128,7 @@ class Hbot(Teleoperator):  # type: ignore[misc]
             hbot.Faulted: the rig is in a fault or an emergency stop.
             hbot.ConnectionLost, hbot.TimedOut: no states come.
         """
-        if not self.is_connected:
+        if self._stack is None:
             raise DeviceNotConnectedError
         self._shown = state = self._newest()
         turn = turns.log(turns.times(state.q, self._begin))
@@ -135,7 +146,7 @@ class Hbot(Teleoperator):  # type: ignore[misc]
             DeviceNotConnectedError: `connect` was not called.
             ValueError: a value is not finite.
         """
-        if not self.is_connected:
+        if self._stack is None:
             raise DeviceNotConnectedError
         shown = getattr(self, "_shown", None)
         self.rig.model(

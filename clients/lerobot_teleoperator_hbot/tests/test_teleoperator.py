@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,9 +16,16 @@ from serving import Server, eventually
 
 
 @pytest.fixture
-def teleoperator(tmp_path: Path) -> Iterator[Teleoperator]:
-    """Start a server, and let LeRobot find and make the teleoperator by its name."""
+def server(tmp_path: Path) -> Iterator[Server]:
+    """Start a server."""
     server = Server(tmp_path)
+    yield server
+    server.kill()
+
+
+@pytest.fixture
+def teleoperator(server: Server, tmp_path: Path) -> Iterator[Teleoperator]:
+    """Let LeRobot find and make the teleoperator by its name."""
     register_third_party_plugins()
     config = TeleoperatorConfig.get_choice_class("hbot")(
         id="test", calibration_dir=tmp_path / "calibration", address=server.address
@@ -25,7 +34,6 @@ def teleoperator(tmp_path: Path) -> Iterator[Teleoperator]:
     yield made
     if made.is_connected:
         made.disconnect()
-    server.kill()
 
 
 def test_what_is_turned_is_the_action_and_what_is_sent_is_felt(teleoperator: Teleoperator) -> None:
@@ -79,3 +87,18 @@ def test_what_is_turned_is_the_action_and_what_is_sent_is_felt(teleoperator: Tel
     assert not teleoperator.is_connected
     with pytest.raises(DeviceNotConnectedError):
         teleoperator.disconnect()
+
+
+def test_a_silence_is_no_action(server: Server, teleoperator: Teleoperator) -> None:
+    teleoperator.connect()
+    teleoperator.get_action()
+    server.signal(signal.SIGSTOP)
+    time.sleep(0.5)  # Its subject is time: the last state is old now.
+    with pytest.raises(hbot.TimedOut):
+        teleoperator.get_action()
+    server.kill()
+    eventually(lambda: not teleoperator.is_connected, "it notices the end")
+    with pytest.raises(hbot.HbotError):
+        teleoperator.get_action()
+    with pytest.raises(hbot.NoServer):
+        teleoperator.connect()
