@@ -163,6 +163,7 @@ class Rig(ops.Ops):
             Faulted: the rig went into a fault or an emergency stop.
             TimedOut, ConnectionLost: no state came.
             ValueError, TypeError: the torque is not three finite numbers.
+            TooLarge: a model has more than 2048 bytes in the encoding of the connection.
         """
         rendering = Rendering(self._connection, every, valid_ms, duration)
         with self._subscription(every) as (states, wait):
