@@ -33,7 +33,7 @@ class Changed:
 class Difference(float):
     """The answer to `align` and `align_direction`: the angle before the correction, rad."""
 
-    used: bool
+    used: bool = True
     """False if the measurement corrects nothing: the filter has ignored it."""
 
     @classmethod

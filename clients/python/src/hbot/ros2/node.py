@@ -199,7 +199,7 @@ def arguments(given: list[str] | None = None) -> tuple[argparse.Namespace, list[
 
 
 def spin(executor: Any, rig: Rig) -> None:
-    """Take commands until the end. One by an exception ends the program too. Runs in a thread."""
+    """Take commands. If an exception ends that, the program ends too. Runs in a thread."""
     try:
         executor.spin()
     except BaseException:
