@@ -134,7 +134,7 @@ impl Motors {
             if let Some(reading) = heard.reading {
                 news.buses_with_reading += 1;
                 attached.answers = Some(reading.answers);
-                attached.place(&reading, &self.offsets, &mut self.readings);
+                news.zeros_lost |= attached.place(&reading, &self.offsets, &mut self.readings);
             }
         }
         complaints.disobeyed |= news.buses_with_reading > 0 && silent_disobedience;
@@ -207,8 +207,10 @@ impl Attached {
     }
 
     /// Copies the joints of a reading from this bus into `readings`, which has the order of the
-    /// rig, and adds the zero offset of each joint to its encoder count.
-    fn place(&self, reading: &Reading, offsets: &[i32; MAX_JOINTS], readings: &mut JointReadings) {
+    /// rig, and adds the zero offset of each joint to its encoder count. Returns whether a joint
+    /// that had seen its index no longer has, so its counts have another zero.
+    fn place(&self, reading: &Reading, offsets: &[i32; MAX_JOINTS], readings: &mut JointReadings) -> bool {
+        let before = readings.index_seen;
         for (joint, at) in &self.joints {
             let read = &reading.joints[*at];
             readings.counts[*joint] = read.count.wrapping_add(offsets[*joint]);
@@ -219,6 +221,7 @@ impl Attached {
                 readings.index_seen |= bit;
             }
         }
+        before & !readings.index_seen != 0
     }
 }
 

@@ -167,6 +167,23 @@ fn a_disobedient_motor_is_reported_while_only_another_line_answers() {
     assert_eq!(disobeyed(&mut motors, 9), Some(false));
 }
 
+/// Without a restart too, the counts after it are measured from another zero.
+#[test]
+fn an_index_that_is_no_longer_seen_is_a_lost_zero() {
+    let (mut motors, lines) = two_lines();
+    let lost: Vec<bool> = [false, true, true, false, false, true]
+        .into_iter()
+        .enumerate()
+        .map(|(tick, index_seen)| {
+            let mut heard = reading(tick as u32, 10);
+            heard.reading.as_mut().expect("a reading").joints[1].index_seen = index_seen;
+            lines[1].reports(heard);
+            motors.receive(0, tick as u32 + 1).zeros_lost
+        })
+        .collect();
+    assert_eq!(lost, [false, false, false, true, false, false]);
+}
+
 /// A line that was lost for long comes back with controllers whose watchdog has indeed expired.
 #[test]
 fn a_watchdog_that_a_reopened_line_reports_itself_is_reported() {
