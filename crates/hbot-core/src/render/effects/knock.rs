@@ -147,10 +147,10 @@ impl<L: Meets> Law for Knocking<L> {
     const REMEMBERS: bool = L::REMEMBERS;
 
     fn render(&self, now: &mut Now<'_>, state: &mut Self::Memory) -> Vec3 {
-        let led = (now.motion, now.shares);
+        let led = (now.motion, now.shares, now.lead);
         let torque = self.law.render(now, &mut state.law);
         // The law can have shortened the lead of its pose.
-        (now.motion, now.shares) = led;
+        (now.motion, now.shares, now.lead) = led;
         // If the time stands still, the torque is only evaluated.
         if now.dt > 0.0 {
             advance(self, now, state);
