@@ -1,9 +1,9 @@
 //! The execution of requests.
 
 use hbot_api::{
-    Align, AlignDirection, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode, ModeOk,
-    ModelCommand as ModelRequest, Op, OpName, PingOk, ReferenceCommand, Request, RequestRefusal, Response,
-    SubscribeOk, TorqueCommand, Who, may_be_long,
+    Align, AlignDirection, Encoding, ErrorBody, ErrorCode, Id, LeaseCause, MAX_SHORT_REQUEST_BYTES, Mode,
+    ModeOk, ModelCommand as ModelRequest, Op, OpName, PingOk, ReferenceCommand, Request, RequestRefusal,
+    Response, SubscribeOk, TorqueCommand, Who, may_be_long,
 };
 use hbot_core::Vec3;
 use hbot_core::inputs::{Command, ModelCommand, Stamp};
@@ -60,7 +60,8 @@ impl Hub {
         if !may_be_long(message) {
             let message = format!(
                 "message of {} bytes; at most {MAX_SHORT_REQUEST_BYTES} are taken, and more only of {}",
-                message.len(),
+                // A line counts with its newline.
+                message.len() + usize::from(self.publisher.encoding(session) == Encoding::Json),
                 long_ops().join(" and ")
             );
             return Err(ErrorBody::new(ErrorCode::TooLarge, message));

@@ -58,6 +58,8 @@ fn a_line_too_long_is_refused_and_skipped() {
     assert_eq!(raw.ask(&format!(r#"{{"id":3,"op":"ping","data":"{data}"}}"#))["ok"]["data"], data);
     let answer = raw.ask(&format!(r#"{{"id":4,"op":"ping","data":"{data}x"}}"#));
     assert_eq!((&answer["id"], &answer["error"]["code"]), (&Value::Null, &json!("too_large")));
+    let message = answer["error"]["message"].as_str().unwrap();
+    assert!(message.starts_with("message of 2049 bytes; at most 2048 are taken"), "{message}");
 }
 
 #[test]
