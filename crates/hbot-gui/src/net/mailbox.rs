@@ -50,7 +50,7 @@ impl Mailbox {
     pub(crate) fn post(&self, news: News) {
         {
             let mut waiting = lock(&self.waiting);
-            let queue = &mut waiting.0.news;
+            let Delivery { samples, news: queue, lost } = &mut waiting.0;
             // For values that are polled, only the newest is kept.
             let kind = std::mem::discriminant(&news);
             let is_polled = matches!(
@@ -59,6 +59,12 @@ impl Mailbox {
             );
             if is_polled {
                 queue.retain(|other| std::mem::discriminant(other) != kind);
+            }
+            // The window takes all samples after all news, so those of an earlier connection would
+            // count as those of this one.
+            if matches!(news, News::Connected(_)) {
+                samples.clear();
+                *lost = 0;
             }
             if queue.len() == MAX_NEWS {
                 queue.pop_front();
@@ -149,7 +155,9 @@ fn replaces(later: &Intent, earlier: &Intent) -> bool {
         | (Intent::Connect(_), Intent::Connect(_)) => true,
         // A new scene makes requests for the old one obsolete.
         (Intent::Load { .. }, Intent::Load { .. } | Intent::Set { .. }) => true,
-        // A stop makes an earlier request to enable obsolete.
+        // A stop makes earlier requests to enable and to reset obsolete. The server cannot see that
+        // they are older: they come over another connection.
+        (Intent::Stop, Intent::Reset) => true,
         (Intent::Stop | Intent::Disable, Intent::Enable | Intent::Recover) => true,
         _ => later == earlier,
     }
@@ -184,12 +192,30 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_takes_a_waiting_enable_away() {
+    fn a_stop_takes_a_waiting_enable_and_a_waiting_reset_away() {
         let out = Outgoing::default();
         out.push(Intent::Enable);
         out.push(Intent::Disable);
         assert_eq!(out.pop(), Some(Intent::Disable));
         assert_eq!(out.pop(), None);
+        for order in [Intent::Enable, Intent::Reset, Intent::Recover] {
+            out.push(order);
+            // As a stop over the stop line does.
+            out.make_way_for(&Intent::Stop);
+            assert_eq!(out.pop(), None);
+        }
+    }
+
+    #[test]
+    fn states_of_an_earlier_connection_are_not_delivered_after_a_new_one() {
+        let mailbox = Mailbox::new(Arc::new(|| {}));
+        mailbox.sample(StateEvent { tick: 9000, ..StateEvent::default() });
+        mailbox.post(News::Connected(crate::model::tests::hello(9)));
+        mailbox.sample(StateEvent { tick: 1, ..StateEvent::default() });
+        let mut delivery = Delivery::default();
+        mailbox.take(&mut delivery);
+        let ticks: Vec<u64> = delivery.samples.iter().map(|sample| sample.tick).collect();
+        assert_eq!((ticks, delivery.news.len()), (vec![1], 1));
     }
 
     #[test]

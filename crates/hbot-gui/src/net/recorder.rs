@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use hbot_api::{Client, ClientError, Event};
+use hbot_api::{Client, Event};
 use hbot_record::ClientRecording;
 
 use super::mailbox::Mailbox;
@@ -72,7 +72,8 @@ impl Drop for Recorder {
     }
 }
 
-/// Records until `end` is set or the server ends the connection. Returns what to tell the user.
+/// Records until `end` is set or the server stops. Returns what to tell the user, an error if the
+/// connection broke before. The file is complete in both cases.
 fn record(
     options: &PanelOptions,
     path: &Path,
@@ -97,7 +98,7 @@ fn record(
         lost: recording.dropped() + client.events_lost(),
     };
     mailbox.post(News::Recording(Some(progress(&recording, &client))));
-    let (mut flushed, mut told) = (since, since);
+    let (mut flushed, mut told, mut broken) = (since, since, None);
     while !end.load(Ordering::Relaxed) {
         match client.next_event(LISTEN) {
             Ok(Some(event)) => {
@@ -107,8 +108,10 @@ fn record(
                 }
             }
             Ok(None) => {}
-            Err(ClientError::Closed | ClientError::Io(_)) => break,
-            Err(error) => return Err(error).with_context(name),
+            Err(error) => {
+                broken = Some(in_words(&error));
+                break;
+            }
         }
         if flushed.elapsed() >= FLUSH_EVERY {
             recording.flush().with_context(name)?;
@@ -127,5 +130,9 @@ fn record(
     }
     let Progress { states, lost, .. } = progress(&recording, &client);
     recording.finish().with_context(name)?;
-    Ok(format!("recorded {states} states, {lost} lost, in {}", path.display()))
+    let told = format!("recorded {states} states, {lost} lost, in {}", path.display());
+    match broken {
+        None => Ok(told),
+        Some(why) => anyhow::bail!("the recording has ended early, {why}: {told}"),
+    }
 }

@@ -40,12 +40,13 @@ enum Over {
 
 pub(super) fn run(mut options: PanelOptions, outgoing: &Outgoing, mailbox: &Mailbox) {
     let mut pause = FIRST_PAUSE;
+    let mut released = None;
     loop {
         mailbox.post(News::Connecting);
         let over = match connect(&options) {
             Ok(client) => {
                 pause = FIRST_PAUSE;
-                Session::new(client, &mut options, outgoing, mailbox).run()
+                Session::new(client, &mut options, &mut released, outgoing, mailbox).run()
             }
             Err(error) => {
                 let absent = matches!(error, ClientError::NoServer { .. });
@@ -135,6 +136,9 @@ fn answer(intent: Intent, result: Result<(), String>, server: &str) -> News {
 struct Session<'a> {
     client: Client,
     options: &'a mut PanelOptions,
+    /// Address of the server at which the user has released the lease. A new connection there does
+    /// not take it again.
+    released: &'a mut Option<String>,
     outgoing: &'a Outgoing,
     mailbox: &'a Mailbox,
     lease: Lease,
@@ -149,6 +153,7 @@ impl<'a> Session<'a> {
     fn new(
         client: Client,
         options: &'a mut PanelOptions,
+        released: &'a mut Option<String>,
         outgoing: &'a Outgoing,
         mailbox: &'a Mailbox,
     ) -> Self {
@@ -157,6 +162,7 @@ impl<'a> Session<'a> {
         Self {
             client,
             options,
+            released,
             outgoing,
             mailbox,
             lease: Lease::Unknown,
@@ -173,7 +179,7 @@ impl<'a> Session<'a> {
 
     fn begin(&mut self) -> Result<(), ClientError> {
         self.poll()?;
-        if !self.options.observe {
+        if !self.options.observe && self.released.as_ref() != Some(&self.options.server) {
             self.acquire(false).or_else(survivable)?;
         }
         self.subscribe().or_else(survivable)
@@ -243,6 +249,7 @@ impl<'a> Session<'a> {
             Intent::Acquire { steal } => self.acquire(*steal),
             Intent::Release => {
                 self.client.release()?;
+                *self.released = Some(self.options.server.clone());
                 self.tell_lease(Lease::Free);
                 Ok(())
             }
@@ -263,7 +270,10 @@ impl<'a> Session<'a> {
     fn acquire(&mut self, steal: bool) -> Result<(), ClientError> {
         let result = self.client.acquire(steal);
         match &result {
-            Ok(()) => self.tell_lease(Lease::Mine),
+            Ok(()) => {
+                *self.released = None;
+                self.tell_lease(Lease::Mine);
+            }
             Err(ClientError::Server(error)) if error.code == ErrorCode::Busy => {
                 // What is known of the holder has its number, which the error lacks.
                 if !matches!(self.lease, Lease::Other(_)) {

@@ -40,7 +40,7 @@ use hbot_api::{Requester, StateEvent, time_of_day};
 use crate::Folders;
 use crate::files::Source;
 use crate::model::{Film, Judged, Model, Weight};
-use crate::net::Intent;
+use crate::net::{Intent, Lease};
 use camera::Camera;
 use theme::{Palette, coloured, weak, wrapped};
 
@@ -191,6 +191,13 @@ pub(crate) fn show(ui: &mut Ui, model: &Model, desk: &mut Desk, acts: &mut Vec<A
             Tab::Messages => messages(ui, model),
         });
     });
+    if desk.hand.is_some() && (desk.film.is_some() || !model.has_hand()) {
+        desk.hand = None;
+        // Who loses the lease or the connection has lost the hand: the scene moves it again.
+        if model.is_online() && model.lease == Lease::Mine {
+            intents.push(Intent::Hand(None));
+        }
+    }
     CentralPanel::default().show(ui, |ui| {
         if let Some(mut film) = desk.film.take() {
             let closed = film::show(ui, &mut film);

@@ -5,6 +5,7 @@ mod reading;
 mod status;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use eframe::egui::{Color32, Event, Key, Modifiers, PointerButton, Pos2, Rect, Rgba, Theme, Ui, vec2};
@@ -22,8 +23,9 @@ use crate::model::tests::{
     ME, commanding, disconnect, grow_quiet, grow_silent, hear, held_by, see, see_state, stop_in_vain,
     stopped_by,
 };
-use crate::model::{Judged, Model};
+use crate::model::{Film, Judged, Model};
 use crate::net::{Intent, Lease, News};
+use crate::recorded::Recorded;
 
 /// The sizes of the window in these tests, points.
 const SIZES: [[f32; 2]; 2] = [[1280.0, 760.0], [1024.0, 600.0]];
@@ -281,6 +283,38 @@ fn a_press_on_stop_stops_once_and_at_once() {
         }
         seen.run_steps(3);
         assert!(has_stopped(&seen), "once; slides: {slides}, short: {short}");
+    }
+}
+
+/// Otherwise the hand would hold the sphere until somebody took it again.
+#[test]
+fn a_hand_that_the_pointer_has_lost_lets_go() {
+    let open = |window: &mut Window| {
+        let recorded = Recorded { states: vec![Arc::default()], every: 1, ..Recorded::default() };
+        window.desk.open(Film::new(Arc::new(recorded)));
+    };
+    let steal = |window: &mut Window| window.model.lease = held_by("panel ben@lab3", 9);
+    // Who loses the connection or the lease has lost the hand, and there is nothing to ask for.
+    type Loss = fn(&mut Window);
+    let losses: [(&str, Loss, bool); 4] = [
+        ("silence", |window| grow_silent(&mut window.model), true),
+        ("a recording", open, true),
+        ("the connection", |window| disconnect(&mut window.model), false),
+        ("the lease", steal, false),
+    ];
+    for (what, lose, asks) in losses {
+        let mut seen = window(SIZES[0], commanding(true));
+        let middle = seen.get_by_label_contains("Sphere: orientation").rect().center();
+        seen.event(Event::PointerMoved(middle));
+        seen.event(primary(middle, true));
+        seen.run_steps(3);
+        let moves = std::mem::take(&mut seen.state_mut().acts);
+        assert!(matches!(moves[..], [Act::Ask(Intent::Hand(Some(_))), ..]), "{moves:?}");
+        lose(seen.state_mut());
+        seen.run_steps(3);
+        let acts = &seen.state().acts;
+        let right = if asks { matches!(acts[..], [Act::Ask(Intent::Hand(None))]) } else { acts.is_empty() };
+        assert!(right, "{what}: {acts:?}");
     }
 }
 

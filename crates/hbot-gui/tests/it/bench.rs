@@ -338,10 +338,11 @@ pub(crate) fn painted(harness: &Harness<'static, Option<Panel>>) -> Vec<String> 
 }
 
 /// A TCP connection between a panel and its server. A test can freeze it, so that no bytes arrive
-/// on either side.
+/// on either side, or cut it.
 pub(crate) struct Wire {
     pub(crate) address: SocketAddr,
     frozen: Arc<AtomicBool>,
+    cut: Arc<AtomicBool>,
     /// Number of bytes that have passed, in both directions.
     passed: Arc<AtomicU64>,
     /// Number of requests whose op was replaced.
@@ -362,17 +363,19 @@ impl Wire {
     fn replacing(server: SocketAddr, op: Option<&'static str>) -> Self {
         let listener = StdListener::bind(("127.0.0.1", 0)).expect("a free port");
         let address = listener.local_addr().expect("an address");
-        let frozen = Arc::new(AtomicBool::new(false));
+        let [frozen, cut] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
         let passed = Arc::new(AtomicU64::new(0));
         let replaced = Arc::new(AtomicU64::new(0));
-        let (hold, count, found) = (Arc::clone(&frozen), Arc::clone(&passed), Arc::clone(&replaced));
+        let (hold, end) = (Arc::clone(&frozen), Arc::clone(&cut));
+        let (count, found) = (Arc::clone(&passed), Arc::clone(&replaced));
         std::thread::spawn(move || {
             for near in listener.incoming().flatten() {
                 let Ok(far) = TcpStream::connect(server) else { continue };
                 let half = |socket: &TcpStream| socket.try_clone().expect("a socket");
                 let there = (half(&near), half(&far), op);
                 for (mut from, mut to, op) in [there, (half(&far), half(&near), None)] {
-                    let (hold, count, found) = (Arc::clone(&hold), Arc::clone(&count), Arc::clone(&found));
+                    let (hold, end) = (Arc::clone(&hold), Arc::clone(&end));
+                    let (count, found) = (Arc::clone(&count), Arc::clone(&found));
                     std::thread::spawn(move || {
                         let mut piece = [0; 4096];
                         while let Ok(n @ 1..) = from.read(&mut piece) {
@@ -381,7 +384,7 @@ impl Wire {
                             if let Some(op) = op {
                                 found.fetch_add(spoil(&mut piece[..n], op), Ordering::Relaxed);
                             }
-                            if to.write_all(&piece[..n]).is_err() {
+                            if end.load(Ordering::Relaxed) || to.write_all(&piece[..n]).is_err() {
                                 break;
                             }
                         }
@@ -390,7 +393,7 @@ impl Wire {
                 }
             }
         });
-        Self { address, frozen, passed, replaced }
+        Self { address, frozen, cut, passed, replaced }
     }
 
     /// Returns how many requests had an op that the server does not know.
@@ -405,6 +408,11 @@ impl Wire {
 
     pub(crate) fn freeze(&self, frozen: bool) {
         self.frozen.store(frozen, Ordering::Relaxed);
+    }
+
+    /// Ends every connection with the next bytes that come.
+    pub(crate) fn cut(&self) {
+        self.cut.store(true, Ordering::Relaxed);
     }
 }
 

@@ -29,6 +29,18 @@ fn it_starts_without_a_server_says_how_to_start_one_and_connects_when_it_comes()
         bench.stop();
         seat.until_text("No server at");
     }
+    // Who has released the command does not get it again by a new connection.
+    for released in [false, true] {
+        let bench = AloneServer::beside(&setup);
+        // New states come only after the lease has been taken.
+        seat.until("contact", |harness| harness.query_all_by_label_contains("NO CONTACT").next().is_none());
+        seat.until_text("ACTIVE");
+        assert_eq!(seat.shows("nobody commands"), released, "{}", seat.texts());
+        seat.click(if released { "Take command" } else { "Release" });
+        seat.until_text(if released { "you command" } else { "nobody commands" });
+        bench.stop();
+        seat.until_text("No server at");
+    }
 }
 
 #[test]

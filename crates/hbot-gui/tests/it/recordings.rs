@@ -2,8 +2,9 @@
 
 use egui_kittest::kittest::Queryable as _;
 use hbot_api::Mode;
+use hbot_record::reader::Item;
 
-use crate::bench::{AloneServer, Seat, ServerSetup, Witness};
+use crate::bench::{AloneServer, Seat, ServerSetup, Wire, Witness};
 use crate::controls::seated;
 
 fn recorded(
@@ -78,6 +79,27 @@ fn a_recording_of_the_panel_is_opened_and_scrubbed() {
     assert!(now > from, "{now} s");
     seat.click("Close the recording");
     assert!(seat.shows("SIMULATED") && !seat.shows("RECORDING"));
+}
+
+#[test]
+fn a_recording_whose_connection_breaks_is_told_as_a_failure_and_can_be_read() {
+    let bench = AloneServer::start(&ServerSetup::default());
+    let wire = Wire::to(bench.address);
+    let mut seat = Seat::at(wire.address);
+    seat.until_text("ACTIVE");
+    seat.click("Record");
+    seat.type_text("Name of the recording", "cut");
+    seat.click("Start recording");
+    seat.until_text(" states, 0 lost");
+    wire.cut();
+    seat.click("Messages");
+    seat.until_text("the recording has ended early");
+    assert!(seat.shows("cut.mcap") && seat.shows(": recorded "), "{}", seat.texts());
+    let file = std::fs::File::open(seat.out.path().join("cut.mcap")).expect("a file");
+    let mut reader = hbot_record::Reader::new(std::io::BufReader::new(file)).expect("a recording");
+    while let Some(item) = reader.next().expect("readable") {
+        assert!(!matches!(item, Item::Damaged(_) | Item::Cut), "the file has its end");
+    }
 }
 
 #[test]

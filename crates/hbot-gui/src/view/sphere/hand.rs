@@ -78,10 +78,6 @@ pub(super) struct Control<'a> {
 impl Control<'_> {
     /// Turns the sphere or the view as the user asks with pointer and keys.
     pub(super) fn act(mut self) {
-        if !self.model.has_hand() {
-            // Who loses the lease or the connection has lost the hand: the scene moves it again.
-            self.desk.hand = None;
-        }
         let before = self.desk.hand.map(|held| held.q);
         self.fingers();
         self.pointer();
