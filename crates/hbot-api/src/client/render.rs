@@ -2,7 +2,7 @@
 
 use super::{Client, ClientError};
 use crate::names::names;
-use crate::{ErrorBody, ErrorCode, Event, Mode, ServerMessage, StateEvent, TorqueCommand};
+use crate::{ErrorBody, ErrorCode, Event, Mode, Op, ServerMessage, StateEvent, TorqueCommand};
 use std::time::{Duration, Instant};
 
 /// Options of [`Client::render`].
@@ -80,9 +80,9 @@ struct Rendering {
 
 impl Client {
     /// Subscribes to states, computes a torque from each with `torque`, and streams it, until
-    /// `torque` returns `None` or something else ends the loop (see [`RenderEnd`]). At the end it
-    /// sends a zero torque and unsubscribes. The client has to hold the lease, and the rig has to
-    /// be enabled.
+    /// `torque` returns `None` or something else ends the loop (see [`RenderEnd`]). At the end, and
+    /// after an error, it sends a zero torque and unsubscribes. The client has to hold the lease,
+    /// and the rig has to be enabled.
     ///
     /// Torques are in frame N, N m. Each carries the tick of its state, so the server refuses it if
     /// it is too old. If `torque` takes longer than `valid_ms`, the torque in force goes to zero
@@ -106,9 +106,17 @@ impl Client {
         self.subscribe(options.every)?;
         // States of an earlier subscription.
         self.events.retain(|event| !matches!(event, Event::State(_)));
-        let report = self.render_states(options, &mut torque)?;
+        let zero = TorqueCommand { torque: [0.0; 3], valid_ms: 1, tick: None, seq: None };
+        let report = match self.render_states(options, &mut torque) {
+            Ok(report) => report,
+            Err(error) => {
+                // No answer is awaited: the server may be silent. The first error is the cause.
+                let _ = self.torque(zero).and_then(|()| self.send(Op::Unsubscribe));
+                return Err(error);
+            }
+        };
         if report.end != RenderEnd::LeaseLost {
-            self.torque(TorqueCommand { torque: [0.0; 3], valid_ms: 1, tick: None, seq: None })?;
+            self.torque(zero)?;
         }
         if report.end != RenderEnd::ServerStopping {
             self.unsubscribe()?;

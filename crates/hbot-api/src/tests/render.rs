@@ -149,6 +149,23 @@ fn refusals_are_counted_and_a_missing_lease_is_an_error() {
 }
 
 #[test]
+fn an_error_ends_the_stream_and_the_subscription() {
+    let (address, server) = serve(|mut peer| {
+        peer.welcome();
+        let id = peer.request().unwrap().id;
+        peer.send(&Response::ok(id, SubscribeOk { every: 1 }));
+        peer.send(&state(1, Mode::Active));
+        std::iter::from_fn(|| peer.request()).map(|request| request.op).collect::<Vec<_>>()
+    });
+    let mut client = Client::connect(&address, "tester").unwrap();
+    let error = client.render(&each(), |_| Some([f64::NAN, 0.0, 0.0])).unwrap_err();
+    assert!(matches!(error, ClientError::Encode(_)), "{error}");
+    drop(client);
+    let zero = TorqueCommand { torque: [0.0; 3], valid_ms: 1, tick: None, seq: None };
+    assert_eq!(server.join().unwrap(), [Op::Torque(zero), Op::Unsubscribe]);
+}
+
+#[test]
 fn a_loop_without_states_and_a_dead_server_are_errors() {
     let (address, server) = events(vec![]);
     let mut client = Client::connect(&address, "tester").unwrap();
@@ -157,7 +174,7 @@ fn a_loop_without_states_and_a_dead_server_are_errors() {
     let error = client.render(&each(), |_| Some([0.0; 3])).unwrap_err();
     assert!(matches!(error, ClientError::NoState { .. }), "{error}");
     drop(client);
-    server.join().unwrap();
+    assert_eq!(server.join().unwrap().last().unwrap().torque, [0.0; 3]);
 
     let (address, server) = serve(|mut peer| {
         peer.welcome();
