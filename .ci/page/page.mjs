@@ -550,6 +550,23 @@ await touch("touchStart", [0.6, 0], [0, 0.5]);
 await until("a second finger lets go", () => !watcher.state.hand);
 await touch("touchEnd");
 
+// A move that fails holds nobody: the hand lets go, also if the person has let go meanwhile.
+for (const kinds of [["pointermove"], ["pointermove", "pointerup"]]) {
+  await page.mouse.move(middle.x, middle.y);
+  await page.mouse.down();
+  await until("the hand holds", () => watcher.state.hand);
+  await page.waitForTimeout(300);
+  await page.evaluate(([all, clientX, clientY]) => {
+    window.spoils = true;
+    for (const kind of all) {
+      document.querySelector("#sphere").dispatchEvent(new PointerEvent(kind, { pointerId: 1, clientX, clientY }));
+    }
+    window.spoils = false;
+  }, [kinds, middle.x + 20, middle.y]);
+  await until(`the hand lets go after ${kinds}`, () => !watcher.state.hand, 5);
+  await page.mouse.up();
+}
+
 // Sliders: the server has the new value, and the mark of stability follows the damping.
 const slider = page.getByRole("slider", { name: "spring stiffness" });
 const mark = () => page.locator("#effects .mark").first().evaluate((it) => it.style.left);
@@ -925,6 +942,22 @@ await watcher.mode("active");
 // Another client takes over, and the page takes it back after a question.
 await watcher.ask("acquire", { steal: true });
 await shows("#who", "you observe, watcher commands");
+// What it sets is shown by the event alone, and more is asked for also if it sets without a pause.
+assert.equal(await page.evaluate(async () => {
+  const { Rig } = await import("/rig.js");
+  const rig = new Rig("test");
+  rig.info = { scene: { effect: [{ id: "spring", stiffness: 1 }] } };
+  rig.event({ event: "set", effect: "spring", parameters: { stiffness: 2 } });
+  return rig.info.scene.effect[0].stiffness;
+}), 2);
+const [{ id: changed, stiffness: usual }] = (await watcher.ask("info")).scene.effect;
+const infos = await page.evaluate(() => window.infos);
+for (let k = 1; k <= 20; k += 1) {
+  await watcher.ask("set", { effect: changed, stiffness: usual + 0.01 * k });
+  await page.waitForTimeout(100);
+}
+assert(await page.evaluate(() => window.infos) > infos, "nothing is asked for while another client sets");
+await watcher.ask("set", { effect: changed, stiffness: usual });
 await page.click("#lease");
 await shows("#asked", "Take over from watcher?");
 await picture("asked");
@@ -1338,6 +1371,22 @@ await bars();
 await picture("pushes-again");
 await page.keyboard.press("Escape");
 await shows("#headline", "ESTOP");
+
+// A server in virtual time that waits for a client sends no states. The connection stays.
+const slow = await Server.start(hbot, undefined, ["--time", "virtual"]);
+const driver = await Client.connect(slow.listen, "driver");
+await driver.ask("acquire");
+await driver.ask("advance", { ticks: 10 });
+const waits = await context.newPage();
+let connections = 0;
+waits.on("websocket", () => (connections += 1));
+await fresh(waits);
+await waits.goto(slow.page);
+await waits.waitForTimeout(6000);
+assert.equal(connections, 1, "a server that waits is taken for one that is gone");
+await waits.close();
+driver.end();
+await slow.end();
 
 // A finger has no keys.
 const tablet = await browser.newContext({ viewport: { width: 820, height: 1100 }, hasTouch: true, isMobile: true });

@@ -14,10 +14,10 @@ export async function until(what, test, seconds = 30) {
 }
 
 export class Server {
-  /** Starts a server. The ports are those of an earlier one, or free ones. */
-  static async start(hbot, ports = { listen: "127.0.0.1:0", web: "127.0.0.1:0" }) {
+  /** Starts a server. The ports are those of an earlier one, or free ones. `more` are further options. */
+  static async start(hbot, ports = { listen: "127.0.0.1:0", web: "127.0.0.1:0" }, more = []) {
     const server = new Server();
-    server.process = spawn(hbot, ["server", "--port", "sim", "--listen", ports.listen, "--web", ports.web], {
+    server.process = spawn(hbot, ["server", "--port", "sim", "--listen", ports.listen, "--web", ports.web, ...more], {
       stdio: ["ignore", "pipe", "ignore"],
     });
     // Also if a check fails, and while the server is held.

@@ -157,7 +157,8 @@ export class Hand {
     }
     this.busy = true;
     this.unsent = false;
-    this.send(this.held?.q ?? null).catch(() => this.drop()).then(() => {
+    // After a failed move nothing says where the hand is, so it lets go. A release that waits stays.
+    this.send(this.held?.q ?? null).catch(() => this.letGo()).then(() => {
       this.busy = false;
       if (this.unsent) this.move();
     });

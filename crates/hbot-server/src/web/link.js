@@ -7,12 +7,12 @@ const OPEN_WITHIN = 4000;
 /** A request that is not answered after this time has failed, ms. */
 const ANSWER_WITHIN = 5000;
 
-/** A request that the server has refused, with the fields `code` and `angle` of its answer. */
+/** A request that the server has refused, with the field `code` of its answer. */
 export class Refused extends Error {
   constructor(body) {
     // The op is for programs.
     super(body.message.replace(/^op \w+: /, ''));
-    Object.assign(this, { code: body.code, holder: body.holder, angle: body.angle });
+    this.code = body.code;
   }
 }
 
@@ -23,7 +23,7 @@ export class Refused extends Error {
  */
 export class Link {
   constructor(url, name, on) {
-    Object.assign(this, { url, name, on, socket: null, hello: null, pause: PAUSE[0], id: 0, nextAt: 0 });
+    Object.assign(this, { url, name, on, socket: null, hello: null, pause: PAUSE[0], id: 0, nextAt: 0, heard: 0 });
     this.waiting = new Map();
     this.connect();
   }
@@ -81,6 +81,7 @@ export class Link {
   }
 
   take(message) {
+    this.heard = performance.now();
     if (message.event !== undefined) {
       this.on.event(message);
       return;
@@ -127,16 +128,17 @@ export class Link {
       };
       const timer = setTimeout(() => end(reject, new Error('the server does not answer')), 1000);
       const token = this.on.token() ?? undefined;
-      socket.onopen = () => socket.send(
-        JSON.stringify({ id: 1, op: 'hello', version: 1, name: this.name, token }));
+      // Both at once: the stop does not wait for the answer to hello.
+      socket.onopen = () => {
+        socket.send(JSON.stringify({ id: 1, op: 'hello', version: 1, name: this.name, token }));
+        socket.send(JSON.stringify({ id: 2, op: 'estop' }));
+      };
       socket.onclose = () => end(reject, new Error('nobody answers there'));
       socket.onmessage = ({ data }) => {
         const message = JSON.parse(data);
         if (message.error) end(reject, new Refused(message.error));
-        else if (message.id === 1) {
-          opened(message.ok.session);
-          socket.send(JSON.stringify({ id: 2, op: 'estop' }));
-        } else if (message.id === 2) end(resolve, message.ok);
+        else if (message.id === 1) opened(message.ok.session);
+        else if (message.id === 2) end(resolve, message.ok);
       };
     });
   }

@@ -16,7 +16,7 @@ const STATES = 60;
 const STABLE_AFTER = 150;
 /** Pause after a request for `info` that failed, ms. */
 const INFO_AGAIN = 1000;
-/** A connection over which no state comes for this time is replaced, ms. */
+/** A connection over which nothing comes for this time is replaced, ms. */
 const RENEW_AFTER = 4000;
 /** Figures in words change at most this often, ms. */
 const WORDS_EVERY = 100;
@@ -63,7 +63,10 @@ const link = new Link(`${scheme}//${location.host}/ws`, rig.ownName, {
     const loaded = rig.event(message);
     if (message.event === 'lease' && !rig.commands) hand.drop();
     if (loaded) askInfo();
-    if (message.event === 'set') askInfoIn(STABLE_AFTER);
+    if (message.event === 'set') {
+      valued = false;
+      askInfoIn(STABLE_AFTER);
+    }
     changed();
   },
 });
@@ -89,10 +92,13 @@ async function ask(op, fields, what = op) {
   }
 }
 
-let infoTimer;
+let infoTimer = null;
+/** Asks for `info` soon. A timer that runs is not postponed: changes may come without a pause. */
 function askInfoIn(ms) {
-  clearTimeout(infoTimer);
-  infoTimer = setTimeout(() => link.isOpen && askInfo(), ms);
+  infoTimer ??= setTimeout(() => {
+    infoTimer = null;
+    if (link.isOpen) askInfo();
+  }, ms);
 }
 
 async function askInfo() {
@@ -356,6 +362,8 @@ function words() {
 }
 
 let [asked, last, plotted, worded, odd] = [false, 0, 0, 0, false];
+/** Whether the controls show what other clients have set. */
+let valued = true;
 function changed() {
   if (asked) return;
   asked = true;
@@ -423,6 +431,8 @@ function frame(now) {
     plotted = now;
     showPlot();
   }
+  if (!valued) controls.show();
+  valued = true;
   if (speaks) {
     worded = now;
     head = rig.headline;
@@ -437,7 +447,10 @@ function frame(now) {
 
 // Silence is no event, and it must show also while nothing else changes.
 setInterval(() => {
-  if (rig.hello && performance.now() - rig.heard > RENEW_AFTER) link.renew('the server has said nothing');
+  const silent = rig.hello ? performance.now() - link.heard : 0;
+  if (silent > RENEW_AFTER) link.renew('the server has said nothing');
+  // Without states: in virtual time, a server waits for a client to go on.
+  else if (silent > RENEW_AFTER / 2) link.request('ping').catch(() => {});
   changed();
 }, 250);
 new ResizeObserver(changed).observe($('picture'));

@@ -181,6 +181,7 @@ export class Rig {
       case 'set':
         this.refusal = null;
         this.warnings = message.advice ?? [];
+        Object.assign(this.info?.scene?.effect?.find(({ id }) => id === message.effect) ?? {}, message.parameters);
         return false;
       case 'shaking':
         this.say(message.message, message.shaking ? 'warn' : '');
