@@ -90,6 +90,8 @@ bool cHbotDevice::open() {
         const std::optional<hbot_state> state = m_client->next_state(m_options.timeout);
         if (!state) throw std::runtime_error("the rig has sent no state");
         m_state = *state;
+        m_heard = std::chrono::steady_clock::now();
+        m_lost.clear();
         return C_SUCCESS;
     });
     const std::lock_guard<std::mutex> lock(m_mutex);
@@ -119,9 +121,28 @@ bool cHbotDevice::calibrate(bool) {
     });
 }
 
-// Takes the newest state. Waits for one if none has arrived.
+// Takes the newest state. Waits for one if none has arrived, and fails if the last one is too old.
 void cHbotDevice::refresh(hbot::Milliseconds a_timeout) {
-    if (const std::optional<hbot_state> state = m_client->latest_state(a_timeout)) m_state = *state;
+    const std::optional<hbot_state> state = m_client->latest_state(a_timeout);
+    const auto now = std::chrono::steady_clock::now();
+    if (state) {
+        m_state = *state;
+        m_heard = now;
+    } else if (now - m_heard > m_options.timeout) {
+        throw std::runtime_error("no state within " + std::to_string(m_options.timeout.count()) +
+                                 " ms: the server's loop does not run, or the connection is cut");
+    }
+}
+
+// Reads the events that have arrived. Fails from the moment at which the lease is another client's,
+// because the rig then refuses every torque.
+void cHbotDevice::checkLease() {
+    while (const std::optional<hbot_event> event = m_client->next_event()) {
+        if (event->kind != HBOT_EVENT_KIND_LEASE) continue;
+        const std::string holder = event->session ? event->text : "nobody";
+        m_lost = event->mine ? "" : "the lease is lost: " + holder + " commands the rig";
+    }
+    if (!m_lost.empty()) throw std::runtime_error(m_lost);
 }
 
 bool cHbotDevice::getPosition(cVector3d& a_position) {
@@ -172,6 +193,7 @@ bool cHbotDevice::setForceAndTorqueAndGripperForce(const cVector3d& a_force, con
         stream.tick = m_state.tick;
         m_client->torque(torque, stream);
         refresh(TICKS_WAITED);
+        checkLease();
         if (m_state.mode != HBOT_MODE_ENABLING && m_state.mode != HBOT_MODE_ACTIVE) {
             throw std::runtime_error(notRendering(m_state));
         }

@@ -6,6 +6,7 @@
 #ifndef CHbotDeviceH
 #define CHbotDeviceH
 
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -40,6 +41,8 @@ public:
     // Succeeds if the zeros of the steer joints are known. The rig finds them itself.
     bool calibrate(bool a_forceCalibration = false) override;
 
+    // The methods below that need a state fail if none has come within the timeout of the options.
+
     // The sphere does not move: zero.
     bool getPosition(cVector3d& a_position) override;
     bool getLinearVelocity(cVector3d& a_linearVelocity) override;
@@ -50,8 +53,8 @@ public:
     bool getUserSwitches(unsigned int& a_userSwitches) override;
 
     // Streams the torque, N m, and waits for the next state, which paces the haptic loop to the
-    // rig's ticks. Forces are ignored. Fails if the rig does not render: after a fault, an
-    // emergency stop or a disable.
+    // rig's ticks. Forces are ignored. Fails if the rig does not render (after a fault, an emergency
+    // stop or a disable), and after another client has taken the lease.
     bool setForceAndTorqueAndGripperForce(const cVector3d& a_force, const cVector3d& a_torque,
                                           const double a_gripperForce) override;
 
@@ -62,15 +65,24 @@ private:
     template <typename Body>
     bool guarded(Body&& a_body);
     void refresh(hbot::Milliseconds a_timeout);
+    void checkLease();
 
     const std::string m_address;
     const hbot::Options m_options;
     const std::string m_scene;
+    hbot_state m_state;
+    // When m_state came.
+    std::chrono::steady_clock::time_point m_heard;
+    // Who has the lease instead of this device. Empty while it has it.
+    std::string m_lost;
+    std::string m_error;
+
+protected:
+    // A derived class can send more over the same connection.
+    //
     // CHAI3D's haptic thread and its graphic thread call the same device.
     mutable std::mutex m_mutex;
     std::optional<hbot::Client> m_client;
-    hbot_state m_state;
-    std::string m_error;
 };
 
 }  // namespace chai3d

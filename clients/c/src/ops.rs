@@ -4,7 +4,7 @@
 
 use std::ffi::{CString, c_char};
 
-use hbot_api::{Align, ClientError, Encoding, Mode, Op, ReferenceCommand, Request, TorqueCommand};
+use hbot_api::{Align, Client, ClientError, Encoding, Mode, Op, ReferenceCommand, Request, TorqueCommand};
 use serde_json::Value;
 
 use crate::boundary::{Out, input, text};
@@ -47,44 +47,43 @@ pub unsafe extern "C" fn hbot_unsubscribe(client: *mut HbotClient) -> HbotStatus
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_enable(client: *mut HbotClient, mode: *mut HbotMode) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
-    unsafe { change(client, mode, Op::Enable) }
+    unsafe { change(client, mode, Client::enable) }
 }
 
 /// Ends rendering; the torque falls within 50 ms. Needs no lease. `mode` as for hbot_enable().
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_disable(client: *mut HbotClient, mode: *mut HbotMode) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
-    unsafe { change(client, mode, Op::Disable) }
+    unsafe { change(client, mode, Client::disable) }
 }
 
 /// Leaves a fault or an emergency stop after its cause is gone. `mode` as for hbot_enable().
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_reset(client: *mut HbotClient, mode: *mut HbotMode) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
-    unsafe { change(client, mode, Op::Reset) }
+    unsafe { change(client, mode, Client::reset) }
 }
 
 /// Emergency stop: zero torque in the next tick. Needs no lease. `mode` as for hbot_enable().
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_estop(client: *mut HbotClient, mode: *mut HbotMode) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
-    unsafe { change(client, mode, Op::Estop) }
+    unsafe { change(client, mode, Client::estop) }
 }
 
-/// Sends an op that changes the mode.
+/// Calls a method of the client that changes the mode.
 ///
 /// # Safety
 /// The contract of the crate holds for both pointers.
-unsafe fn change(client: *mut HbotClient, mode: *mut HbotMode, op: Op) -> HbotStatus {
+unsafe fn change(
+    client: *mut HbotClient,
+    mode: *mut HbotMode,
+    act: fn(&mut Client) -> Result<Mode, ClientError>,
+) -> HbotStatus {
     // SAFETY: the contract of all functions, stated at the crate.
     unsafe {
         with(client, |inner| {
-            let changed: Mode = match op {
-                Op::Enable => inner.client.enable(),
-                Op::Disable => inner.client.disable(),
-                Op::Reset => inner.client.reset(),
-                _ => inner.client.estop(),
-            }?;
+            let changed = act(&mut inner.client)?;
             if let Ok(out) = Out::new(mode, "mode") {
                 out.write(changed.into());
             }

@@ -6,8 +6,19 @@
 #include "CHbotDevice.h"
 #include "check.hpp"
 
+namespace {
+
+using namespace chai3d;
+
+struct Silent : cHbotDevice {
+    using cHbotDevice::cHbotDevice;
+    // The server sends no more states, and answers as before.
+    void hush() { m_client->unsubscribe(); }
+};
+
+}  // namespace
+
 int main(int, char** argv) {
-    using namespace chai3d;
     cVector3d v;
     cMatrix3d r;
     unsigned int switches = 1;
@@ -67,5 +78,19 @@ int main(int, char** argv) {
     CHECK(device->close() && !device->isDeviceReady() && !device->close());
     stop.acquire();
     stop.reset();
+    stop.release();
+
+    // Nothing looks well after another client has taken the lease, or when states stay away.
+    hbot::Options patient;
+    patient.timeout = hbot::Milliseconds{3000};
+    Silent second(argv[1], patient);
+    CHECK(second.open() && second.setForceAndTorque(v, v));
+    stop.acquire(true);
+    CHECK(eventually([&] { return !second.setForceAndTorque(v, v); }));
+    CHECK(!second.setForceAndTorque(v, v) && second.getRotation(r));
+    CHECK(second.getLastError().find("the lease is lost: c++") == 0);
+    second.hush();
+    CHECK(eventually([&] { return !second.getRotation(r); }));
+    CHECK(!second.getAngularVelocity(v) && second.getLastError().find("no state within 3000 ms") == 0);
     std::puts("chai3d: all true");
 }
