@@ -22,6 +22,8 @@ fn sample() -> Sample {
         counters: Counters::default(),
         answers: [None; 8],
         telemetry: Default::default(),
+        complaints: Default::default(),
+        restarted: false,
     }
 }
 

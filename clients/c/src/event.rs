@@ -15,6 +15,9 @@ use crate::status::{Failure, HbotStatus, refusal};
 /// seconds at 1 kHz. The oldest are dropped first.
 const MAX_STATES: usize = 4096;
 
+/// Longest time for which `hbot_latest_state` looks for a newer state.
+const LATEST_WITHIN: Duration = Duration::from_millis(20);
+
 /// Largest number of other events that wait while a program asks only for states.
 const MAX_NOTICES: usize = 256;
 
@@ -266,8 +269,11 @@ pub unsafe extern "C" fn hbot_latest_state(
                 return Ok(HbotStatus::Nothing);
             };
             let now = Instant::now();
-            // If the connection has ended, the next call reports it.
-            while let Ok(Some(newer)) = inner.next_state(now) {
+            // If the connection has ended, the next call reports it. A machine that reads more
+            // slowly than states arrive would never come to the end.
+            while now.elapsed() < LATEST_WITHIN
+                && let Ok(Some(newer)) = inner.next_state(now)
+            {
                 newest = newer;
             }
             out.write(HbotState::of(&newest)?);

@@ -34,7 +34,8 @@ pub(super) struct Publisher {
     notes: Notes,
 }
 
-/// Stores the state of `sample` in `event`, without its stream message if that is `foreign`. `hand` returns the torque of the simulated hand, N m, if there is one.
+/// Stores the state of `sample` in `event`, without its stream message if that is `foreign`. `hand`
+/// returns the torque of the simulated hand, N m, if there is one.
 fn fill(event: &mut StateEvent, sample: &Sample, foreign: bool, hand: impl Fn() -> Option<[f64; 3]>) {
     convert::fill(event, sample);
     event.hand = hand();

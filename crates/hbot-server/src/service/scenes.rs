@@ -318,8 +318,8 @@ impl Scenes {
         }
     }
 
-    /// Records what was found out about a scene. If the examination has panicked, the reported times
-    /// are zero and there are no warnings.
+    /// Records what was found out about a scene. If the examination has panicked, the reported
+    /// times are zero and there are no warnings.
     pub(super) fn examined(&mut self, result: Result<Examined, JoinError>) {
         // A task that is aborted belongs to a service that ends.
         let Ok(Examined { revision, costs, warnings }) = result else { return };

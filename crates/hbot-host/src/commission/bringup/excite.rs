@@ -62,8 +62,8 @@ pub enum Ended {
     TooFast,
     /// The wheels slip: their rates contradict each other by this speed, m/s.
     Slips(f64),
-    /// The zero of a steer joint is not known: it is to be calibrated, or its encoder has not passed
-    /// its index mark.
+    /// The zero of a steer joint is not known: it is to be calibrated, or its encoder has not
+    /// passed its index mark.
     NoZero(usize),
     /// A motor controller reported these complaints.
     Complains(Complaints),
@@ -105,9 +105,9 @@ pub struct Exchange {
     pub orientation: Quat,
 }
 
-/// Brakes a joint whose sign has just been found good, until it rests, a motor controller complains,
-/// or for a second at most.
-/// `most` is the largest torque, N m. The motors are switched off at the end, even after an error.
+/// Brakes a joint whose sign has just been found good, until it rests or a motor controller
+/// complains, for a second at most. `most` is the largest torque, N m. The motors are switched off
+/// at the end, even after an error.
 ///
 /// # Errors
 /// Fails if the controllers no longer answer, or if a stop was requested.

@@ -168,8 +168,8 @@ impl Servo {
     /// later than its earlier answers showed, or if its home state is lower than before. The home
     /// state says how the servo's zero is known. `powered_ms` is the time at which the servo got
     /// power according to its newest answer, in ms on the loop's clock. It is `None` if the answer
-    /// does not contain the time since power-on. `since_met` is true if the servo has restarted since
-    /// bring-up.
+    /// does not contain the time since power-on. `since_met` is true if the servo has restarted
+    /// since bring-up.
     fn look_for_reboot(&mut self, powered_ms: Option<i64>, home: i8, since_met: bool) {
         let before = self.powered_ms.or(powered_ms);
         let later_by = powered_ms.zip(before).map_or(0, |(now, before)| later_by(now, before));
