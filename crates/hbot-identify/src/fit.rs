@@ -16,6 +16,7 @@ use crate::identify::twist;
 use crate::matrix::Square;
 use crate::model::{Model, Residual};
 use crate::motion::Motion;
+use crate::motors::ninety_five;
 use crate::parameter::{OF_SPHERE, OF_WHEEL, Quantity, all};
 
 /// Largest number of improvements.
@@ -31,6 +32,8 @@ const HUBER: f64 = 1.5;
 const FIRST: usize = 4;
 /// Length of a block of windows whose errors count as related, s.
 const BLOCK_S: f64 = 2.0;
+/// Least number of blocks: one alone has no scatter. Those of a short motion are shorter for it.
+const LEAST_BLOCKS: usize = 8;
 /// The least rounding relative to that of counts that are spread evenly. Rounding errors of slow
 /// joints are related, so averages can be more exact than that.
 const LEAST_SCALE: f64 = 0.2;
@@ -92,8 +95,9 @@ pub struct Fitted {
     pub turned: Vec3,
     /// Time during which the sphere moved, s.
     pub moving_s: f64,
-    /// Residual of the windows relative to the rounding of evenly spread counts.
-    pub scale: f64,
+    /// Half the width of an interval that holds the truth in 95 % of the cases, in standard
+    /// deviations: Student's quantile for the number of blocks that give the covariance.
+    pub quantile: f64,
 }
 
 /// Where a fit begins, and what it expects of the steering zeros.
@@ -335,10 +339,19 @@ impl Fitting<'_> {
 
     /// Returns the covariance of the unknowns by leaving out one block of windows after another
     /// (the jackknife), and that of what was drawn. In contrast to the scatter of the gradients, it
-    /// knows that a block pulls the unknowns towards itself (MacKinnon and White 1985).
-    fn covariance(&self, windows: &Windows, weights: &[f64], scale: f64, normal: &Square) -> Option<Square> {
+    /// knows that a block pulls the unknowns towards itself (MacKinnon and White 1985). Returns the
+    /// number of blocks too.
+    fn covariance(
+        &self,
+        windows: &Windows,
+        weights: &[f64],
+        scale: f64,
+        normal: &Square,
+    ) -> Option<(Square, f64)> {
         let size = self.chosen.len();
-        let length = (BLOCK_S / (self.motion.step_s * self.motion.hop() as f64)).round().max(1.0) as usize;
+        let usual = (BLOCK_S / (self.motion.step_s * self.motion.hop() as f64)).round() as usize;
+        let moving = self.moving.iter().filter(|moving| **moving).count();
+        let length = usual.min(moving / LEAST_BLOCKS).max(1);
         let mut blocks = 0.0;
         let mut scatter = Square::zero(size);
         let mut row = vec![0.0; size];
@@ -369,14 +382,14 @@ impl Fitting<'_> {
                 covariance.add(i, j, share * scatter.at(i, j));
             }
         }
-        Some(covariance)
+        Some((covariance, blocks))
     }
 
     fn finish(self, free: Free, windows: &Windows) -> Option<Fitted> {
         let scale = self.scale(windows);
         let weights = self.weights(windows, scale, false);
         let (normal, _) = self.normal(windows, &weights, scale);
-        let covariance = self.covariance(windows, &weights, scale, &normal)?;
+        let (covariance, blocks) = self.covariance(windows, &weights, scale, &normal)?;
         // The turns of the whole frame count as known. Zeros alone do not turn it.
         let mut pinned = normal.clone();
         if free.has(Quantity::Tilt(0)) {
@@ -404,7 +417,7 @@ impl Fitting<'_> {
             left_out: 1.0 - counted().count() as f64 / count as f64,
             turned: windows.turned,
             moving_s: count as f64 * self.motion.step_s * self.motion.hop() as f64,
-            scale,
+            quantile: ninety_five(blocks - 1.0),
             unknowns: self.unknowns,
         })
     }

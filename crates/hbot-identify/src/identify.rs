@@ -30,9 +30,6 @@ const MISBUILT: f64 = 6.0;
 const FAR_ZERO: f64 = 0.3;
 /// A parameter counts as seen if the motion leaves at most this fraction of its usual deviation.
 const SEEN: f64 = 0.3;
-/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations:
-/// Student's quantile for the thirty blocks of a minute, from which a deviation is estimated.
-const NINETY_FIVE: f64 = 2.05;
 /// What the orientation drifts about each axis in a turn of one radian after an identification,
 /// rad. Ten turns, 63 rad, drift by at most 5.2 mrad in the study `identify`, whose worst rigs have
 /// half a degree of play; 4 mrad about each axis are 7 mrad in all.
@@ -139,6 +136,9 @@ pub enum Refusal {
         /// The least time, s.
         least_s: f64,
     },
+    /// The loops of two recordings had different periods.
+    #[error("recordings of {} and {} ticks a second: give only those of one rate together", hertz(.0[0]), hertz(.0[1]))]
+    Rates([f64; 2]),
     /// Some joints stood still while others moved.
     #[error("{} stood still while others moved: its wheel does not touch the sphere, or its encoder is dead", listed(.joints))]
     Still {
@@ -187,6 +187,10 @@ pub enum Refusal {
     Illegal(String),
 }
 
+fn hertz(period_s: f64) -> f64 {
+    (1.0 / period_s).round()
+}
+
 fn listed(joints: &[usize]) -> String {
     let name =
         |j: &usize| format!("wheel[{}].{}", j / 2, if j.is_multiple_of(2) { "steer" } else { "drive" });
@@ -210,6 +214,9 @@ pub fn identify(
 ) -> Result<Identified, Refusal> {
     let parts: Vec<_> = recordings.iter().flat_map(|it| it.parts.iter().cloned()).collect();
     let period_s = recordings.first().map_or(1.0e-3, |it| it.period_s);
+    if let Some(other) = recordings.iter().find(|it| it.period_s != period_s) {
+        return Err(Refusal::Rates([period_s, other.period_s]));
+    }
     let motion = Motion::new(rig, &parts, period_s);
     let least_s = if what == What::Zeros { LEAST_ZEROS_S } else { LEAST_S };
     let pushed_s: f64 = recordings.iter().map(|it| it.pushed_s).sum();
@@ -448,7 +455,7 @@ fn values(rig: &Rig, fitted: &Fitted, found: &Built, what: What) -> Result<Vec<V
                 Name::Radius => known(5, RADIUS),
                 Name::Centre(_) => false,
             };
-            let interval = NINETY_FIVE * variance.max(0.0).sqrt();
+            let interval = fitted.quantile * variance.max(0.0).sqrt();
             let (drawn, found) = (drawn.of(i)[v], found.of(i)[v]);
             values.push(Value { wheel: Some(i), name, drawn, found, interval, seen });
         }
@@ -471,7 +478,7 @@ fn centre(
         .enumerate()
         .filter_map(|(k, (wheel, quantity))| {
             let Quantity::Centre(axis) = quantity else { return None };
-            let interval = NINETY_FIVE * fitted.covariance[k][k].max(0.0).sqrt();
+            let interval = fitted.quantile * fitted.covariance[k][k].max(0.0).sqrt();
             let seen = fitted.relative[k] < SEEN * CENTRE;
             Some(Value {
                 wheel,

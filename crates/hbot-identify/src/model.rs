@@ -14,7 +14,7 @@ use hbot_core::design::kinematics::{ContactFrame, Posture};
 use hbot_core::{Device, MAX_JOINTS, MAX_WHEELS, Mat3, Rig, Vec3};
 
 use crate::motion::Step;
-use crate::parameter::{MOST, OF_WHEEL, count};
+use crate::parameter::OF_WHEEL;
 
 /// A wheel whose parameters are those of a guess.
 #[derive(Debug, Clone, Copy)]
@@ -343,9 +343,6 @@ fn right_jacobian(v: Vec3) -> Mat3 {
     Mat3::IDENTITY - k * one + k * k * two
 }
 
-// The unknowns of the largest rig fit into what a fit reserves.
-const _: () = assert!(count(MAX_WHEELS) == MOST);
-
 #[cfg(test)]
 mod tests {
     use hbot_config::RigConfig;
@@ -360,7 +357,7 @@ mod tests {
             let path = format!("{}/../../rigs/{file}.toml", env!("CARGO_MANIFEST_DIR"));
             let rig = RigConfig::from_path(path.as_ref()).expect("legal").rig;
             let joints = rig.device.joints();
-            let n = count(joints / 2);
+            let n = crate::parameter::count(joints / 2);
             let mut random = oorandom::Rand64::new(7);
             let mut next = |size: f64| size * (2.0 * random.rand_float() - 1.0);
             let at: Vec<f64> =

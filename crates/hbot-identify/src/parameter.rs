@@ -4,8 +4,6 @@
 
 use std::f64::consts::PI;
 
-use hbot_core::MAX_WHEELS;
-
 /// Usual deviation of an angle from the drawing, rad: half a degree.
 pub const ANGLE: f64 = 0.5 * PI / 180.0;
 /// Usual deviation of a wheel's radius from the drawing, as a fraction of the radius.
@@ -21,8 +19,6 @@ pub const DISC: f64 = 5.0e-4;
 pub const OF_WHEEL: usize = 8;
 /// Number of unknowns of the sphere, which follow those of the wheels.
 pub const OF_SPHERE: usize = 3;
-/// Largest number of unknowns.
-pub const MOST: usize = OF_WHEEL * MAX_WHEELS + OF_SPHERE;
 
 /// One unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,8 +1,9 @@
 //! Reads the encoder counts of a recording (`hbot server --record`), as long as no motor pushes.
 
+use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
-use hbot_config::RigConfig;
+use hbot_config::{Diagnostics, Override, RigConfig};
 use hbot_core::design::rig::Zero;
 use hbot_core::{Inputs, MAX_JOINTS, Outputs, Rig};
 use hbot_record::exact::{FORMAT, OLDEST};
@@ -43,6 +44,9 @@ pub enum RecordedError {
     /// The recording has another format.
     #[error("it has the format {0}; this version of hbot reads the formats {OLDEST} to {FORMAT}")]
     Version(String),
+    /// The rig file in the recording is not legal, so joints and zeros are not known.
+    #[error("it holds a rig file that is not legal: {0}")]
+    RigFile(#[from] Diagnostics),
     /// The recording is of a rig with other joints.
     #[error("it is of another rig: {what} is {recorded} in its rig file, and {ours} in the given one")]
     OtherRig {
@@ -83,13 +87,11 @@ impl Recorded {
         };
         let period_ns: u64 = about.get("period_ns").and_then(|text| text.parse().ok()).unwrap_or(0);
         let recorded = match about.get("rig_file") {
-            Some(text) => RigConfig::from_toml(text, "its rig file").ok(),
-            None => Some(RigConfig::prototype()),
+            Some(text) => RigConfig::from_toml_with(text, "its rig file", rate(&about).as_slice())?,
+            None => RigConfig::prototype(),
         };
-        if let Some(recorded) = &recorded {
-            same_joints(&recorded.rig, &rig.rig)?;
-        }
-        let mut taken = Taken::new(rig, recorded.as_ref(), period_ns.max(1) as f64 * 1.0e-9);
+        same_joints(&recorded.rig, &rig.rig)?;
+        let mut taken = Taken::new(rig, &recorded, period_ns.max(1) as f64 * 1.0e-9);
         taken.recorded.simulated = about.get("port").is_some_and(|port| port.starts_with("sim"));
         let mut ticks = 0;
         while let Some(item) = reader.next()? {
@@ -124,6 +126,14 @@ impl Recorded {
     pub fn seconds(&self) -> f64 {
         self.parts.iter().map(|part| part.len().saturating_sub(1) as f64 * self.period_s).sum()
     }
+}
+
+/// Returns the rate in the metadata `about` of a recording, which the command line may have changed
+/// from that of the rig file.
+#[must_use]
+pub fn rate(about: &BTreeMap<String, String>) -> Option<Override> {
+    let rate = about.get("rate_hz")?.parse::<u32>().ok()?;
+    Some(Override { path: "loop.rate_hz", value: rate.into(), from: "the recording" })
 }
 
 /// Checks that the encoders of two rigs count alike.
@@ -168,14 +178,14 @@ struct Taken {
 }
 
 impl Taken {
-    fn new(rig: &RigConfig, recorded: Option<&RigConfig>, period_s: f64) -> Self {
+    fn new(rig: &RigConfig, recorded: &RigConfig, period_s: f64) -> Self {
         let joints = rig.rig.device.joints();
         let whole =
             |of: &RigConfig, j: usize| of.rig.joints[j].whole_counts(of.zero_offsets[j]) as i64 as i32;
         let mut more = [0; MAX_JOINTS];
         let mut indexed = 0;
         for j in (0..joints).step_by(2) {
-            more[j] = recorded.map_or(0, |recorded| whole(rig, j).wrapping_sub(whole(recorded, j)));
+            more[j] = whole(rig, j).wrapping_sub(whole(recorded, j));
             indexed |= u16::from(rig.rig.joints[j].zero == Zero::Index) << j;
         }
         let recorded = Recorded { period_s, ..Recorded::default() };

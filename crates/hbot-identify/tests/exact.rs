@@ -114,6 +114,9 @@ fn two_seconds_of_motion_show_the_zeros() {
             for (i, zero) in truth(&known, &built).zeros.iter().enumerate() {
                 let off = (found.zeros[i] - zero).abs();
                 assert!(off < 0.3e-3, "seed {seed}, wheel {i}: {off:e}");
+                let interval = found.values[i].interval;
+                println!("seed {seed}, wheel {i}: {off:e} of {interval:e}");
+                assert!(interval < 0.3e-3 && off < 2.0 * interval, "seed {seed}: {off:e} of {interval:e}");
             }
         }
     }
@@ -181,6 +184,12 @@ fn recordings_that_contradict_themselves_are_refused() {
     let refusal = found_in(&other.expect("legal"), counts.clone()).expect_err("another rig");
     assert!(matches!(refusal, Refusal::OtherRig { .. } | Refusal::Contradiction { .. }), "{refusal}");
     assert!(refusal.to_string().contains("another rig"), "{refusal}");
+
+    // Recordings of loops with different periods.
+    let [whole] = recorded(counts.clone());
+    let coarse = Recorded { period_s: 2.0 * H, ..whole.clone() };
+    let refusal = identify(&rig, &[whole, coarse], What::Geometry, &mut |_, _| ()).expect_err("two rates");
+    assert!(refusal.to_string().contains("1000 and 500 ticks a second"), "{refusal}");
 
     // Motors that push.
     let pushed =

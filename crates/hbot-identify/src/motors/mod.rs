@@ -23,6 +23,7 @@ use hbot_core::{MAX_JOINTS, Quat, Rig, Vec3};
 use self::rows::{Grain, Rows, Term};
 pub use self::scale::SphereInertia;
 use self::solve::Solved;
+pub(crate) use self::solve::ninety_five;
 use crate::fit::share_as_drawn;
 use crate::motion::{Counts, Motion};
 

@@ -126,12 +126,13 @@ impl Solved {
 /// Returns Student's quantile for the two ends of 95 % (expansion of Cornish and Fisher, Abramowitz
 /// and Stegun 26.7.5, two terms).
 ///
-/// `freedom` is Satterthwaite's number of degrees of freedom: the square of a variance divided by
-/// the sum of the fourth powers of what each block changes. It is small if few blocks make up most
-/// of the variance, as those in which a joint turns back do for its friction. The fourth powers are
-/// those of single changes, so of many equal blocks with normal errors about a third counts, and
-/// intervals are a little too wide. Below 2 degrees the expansion does not hold; less counts as 2.
-fn ninety_five(freedom: f64) -> f64 {
+/// For motors, `freedom` is Satterthwaite's number of degrees of freedom: the square of a variance
+/// divided by the sum of the fourth powers of what each block changes. It is small if few blocks
+/// make up most of the variance, as those in which a joint turns back do for its friction. The
+/// fourth powers are those of single changes, so of many equal blocks with normal errors about a
+/// third counts, and intervals are a little too wide. Below 2 degrees the expansion does not hold;
+/// less counts as 2.
+pub(crate) fn ninety_five(freedom: f64) -> f64 {
     const Z: f64 = super::NINETY_FIVE;
     let freedom = freedom.max(2.0);
     let first = (Z * Z + 1.0) / (4.0 * freedom);
