@@ -61,6 +61,8 @@ impl<W: Write + Seek> ClientRecording<W> {
                     self.dropped += dropped.count;
                 }
                 if let Event::Scene(scene) = other {
+                    // No state was rendered with the first scene.
+                    self.scene = None;
                     self.writer.scene(scene.tick, &scene.name, "", self.newest)?;
                 }
                 self.writer.event(other, self.newest)

@@ -54,7 +54,15 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
     let mut writer = None;
     // The losses that the new recording must name.
     let mut lost: Vec<Option<String>> = Vec::new();
-    while let Some(item) = reader.next()? {
+    loop {
+        let item = match reader.next() {
+            // What was read before a bad block of the disk is kept.
+            Err(error) if writer.is_some() => Item::Damaged(error.to_string()),
+            read => match read? {
+                Some(item) => item,
+                None => break,
+            },
+        };
         match item {
             Item::Cut => {
                 found.cut = true;
@@ -67,7 +75,7 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
             }
             Item::About(about) => {
                 if let Some(into) = waiting.take() {
-                    writer = Some(Writer::again(into, about)?);
+                    writer = Some(Writer::begin(into, about, Vec::new())?);
                 }
             }
             Item::Message { topic, log_time, data } => {
@@ -80,10 +88,10 @@ pub fn recover<W: Write + Seek>(from: impl Read + Seek, into: W) -> Result<Recov
                     continue;
                 };
                 if let Some(into) = waiting.take() {
-                    writer = Some(Writer::again(into, BTreeMap::new())?);
+                    writer = Some(Writer::begin(into, BTreeMap::new(), Vec::new())?);
                 }
                 let Some(writer) = &mut writer else { continue };
-                writer.copy(topic, log_time, &data)?;
+                writer.put(topic, log_time, &data)?;
                 if topic == Topic::State
                     && let Ok(state) = State::decode(data.as_slice())
                 {

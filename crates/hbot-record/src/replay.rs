@@ -92,7 +92,7 @@ pub struct Report {
     pub range: Option<(u64, u64)>,
     /// The first difference, if any. The replay ends there.
     pub difference: Option<Difference>,
-    /// What could not be replayed, in the order of the file.
+    /// What could not be replayed of the wanted part, in the order of the file.
     pub flaws: Vec<Flaw>,
 }
 
@@ -283,6 +283,9 @@ impl<R: Read + Seek> Replay<R> {
             self.report.range = Some((first, inputs.tick));
             self.report.ticks += 1;
             each(Replayed { inputs, recorded, computed: &computed, log_time: 0 })?;
+        } else {
+            // What is missing before the wanted part does not matter to it.
+            self.report.flaws.clear();
         }
         Ok(true)
     }

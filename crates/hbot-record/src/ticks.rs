@@ -7,8 +7,10 @@ use crate::messages::hbot::State;
 /// States that are missing between two others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gap {
-    /// How many are missing: one for each tick, unless the recording has only one of several.
+    /// How many are missing.
     pub states: u64,
+    /// Number of ticks from one state to the next: 1, unless the recording has only some of them.
+    pub step: u64,
     /// Times of the first and the last of them, s of the run.
     pub range: (f64, f64),
     /// Whether a part of the file is damaged there. Otherwise the recorder has lost these ticks, or
@@ -18,11 +20,16 @@ pub struct Gap {
 
 impl fmt::Display for Gap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { states, range: (from, to), .. } = *self;
-        let ticks = if states == 1 { "tick is" } else { "ticks are" };
-        write!(f, "{states} {ticks} missing ({from:.3} to {to:.3} s)")?;
+        let Self { states, step, range: (from, to), .. } = *self;
+        let are = if states == 1 { " is" } else { "s are" };
+        write!(f, "{states} {}{are} missing ({from:.3} to {to:.3} s)", name(step))?;
         if self.damaged { Ok(()) } else { f.write_str(", not recorded or skipped by the loop") }
     }
+}
+
+/// Returns what to call a state: a tick, unless there is none for most ticks.
+fn name(step: u64) -> &'static str {
+    if step > 1 { "state" } else { "tick" }
 }
 
 /// The ticks of a recording, from its states in the order of the file. A gap that the lateness of
@@ -72,8 +79,14 @@ impl Ticks {
         if states > 0 && !skipped {
             let each = self.step as f64 * period;
             let range = (t + each, t + states as f64 * each);
-            self.gaps.push(Gap { states, range, damaged });
+            self.gaps.push(Gap { states, step: self.step, range, damaged });
         }
+    }
+
+    /// Returns what to call one of the states: a tick, unless there is none for most ticks.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        name(self.step)
     }
 
     /// Returns how many states are missing in all gaps.
@@ -121,6 +134,6 @@ mod tests {
         // A client records one of ten.
         let every: Vec<_> = [20, 30, 40, 70, 80].map(|tick| (tick, 0.0)).into();
         let gaps = ticks(&every, 70).gaps;
-        assert!(gaps.len() == 1 && gaps[0].to_string().starts_with("2 ticks are missing (0.050 to 0.060"));
+        assert!(gaps.len() == 1 && gaps[0].to_string().starts_with("2 states are missing (0.050 to 0.060"));
     }
 }

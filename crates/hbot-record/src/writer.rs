@@ -54,15 +54,12 @@ impl<W: Write + Seek> Writer<W> {
         Self::begin(into, metadata, about.joints.clone())
     }
 
-    /// Begins a recording with the messages and the metadata of another one.
-    ///
-    /// # Errors
-    /// Fails if `into` cannot be written.
-    pub(crate) fn again(into: W, metadata: BTreeMap<String, String>) -> Result<Self, McapError> {
-        Self::begin(into, metadata, Vec::new())
-    }
-
-    fn begin(into: W, metadata: BTreeMap<String, String>, joints: Vec<String>) -> Result<Self, McapError> {
+    /// Begins a recording with the metadata record `metadata`, which can be that of another one.
+    pub(crate) fn begin(
+        into: W,
+        metadata: BTreeMap<String, String>,
+        joints: Vec<String>,
+    ) -> Result<Self, McapError> {
         // A chunk is written only when it is complete, so that a file that ends anywhere has at
         // most one chunk that cannot be read.
         let options = WriteOptions::new()
@@ -75,14 +72,6 @@ impl<W: Write + Seek> Writer<W> {
         mcap.write_metadata(&Metadata { name: METADATA.to_owned(), metadata })?;
         mcap.flush()?;
         Ok(Self { mcap, channels: [None; _], encoder: Encoder::new(joints) })
-    }
-
-    /// Writes a message of another recording as it is.
-    ///
-    /// # Errors
-    /// Fails if the recording cannot be written. It is unusable then.
-    pub(crate) fn copy(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
-        self.put(topic, unix_ns, data)
     }
 
     /// Notes that a part of the other recording is lost here: the reason, or `None` for its end.
@@ -193,7 +182,8 @@ impl<W: Write + Seek> Writer<W> {
         written
     }
 
-    fn put(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
+    /// Writes a message in the encoding of its topic.
+    pub(crate) fn put(&mut self, topic: Topic, unix_ns: u64, data: &[u8]) -> Result<(), McapError> {
         let (channel_id, sequence) = match self.channels[topic as usize] {
             Some(channel) => channel,
             None => {

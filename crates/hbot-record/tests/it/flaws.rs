@@ -117,6 +117,11 @@ fn a_damaged_chunk_costs_the_ticks_until_the_next_state_of_the_law() {
         // States of the law are ten seconds apart.
         assert!((10_000..25_000).contains(&report.ticks), "{report:?}");
         assert_eq!(report.range.unwrap().1, 24_999);
+        // A part that begins behind it is whole.
+        let damaged = Cursor::new(damaged(&recording, place, 4));
+        let part = Replay::new(damaged, None).unwrap().run(15_000, u64::MAX, |_| Ok::<_, ReplayError>(()));
+        let part = part.unwrap();
+        assert!(part.is_exact() && part.range == Some((15_000, 24_999)), "{part:?}");
     }
     // The index at the end is believed only if its check code is right.
     let end = *places(&recording, DATA_END).last().unwrap();

@@ -186,6 +186,43 @@ fn a_damaged_end_leaves_the_number_of_ticks_open() {
     assert!(found.ticks.damaged_after && !found.cut, "{found:?}");
 }
 
+/// A disk that cannot be read from a place on.
+struct Broken<'a> {
+    from: Cursor<&'a [u8]>,
+    place: u64,
+}
+
+impl Read for Broken<'_> {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let left = self.place.saturating_sub(self.from.position()) as usize;
+        if left == 0 {
+            return Err(std::io::Error::other("a bad block"));
+        }
+        let length = into.len().min(left);
+        self.from.read(&mut into[..length])
+    }
+}
+
+impl Seek for Broken<'_> {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.from.seek(to)
+    }
+}
+
+#[test]
+fn what_is_before_a_bad_block_of_the_disk_is_kept() {
+    let (whole, chunks) = chunked();
+    let broken = |place: usize| Broken { from: Cursor::new(&whole), place: place as u64 };
+    let mut into = Cursor::new(Vec::new());
+    let found = recover(broken(chunks[5] + 1000), &mut into).unwrap();
+    assert_eq!(found.damaged, ["a bad block"]);
+    assert!(found.ticks.damaged_after && !found.cut, "{found:?}");
+    assert_eq!(ticks(&into.into_inner()), ticks(&whole[..chunks[5]]));
+    // With nothing before it, the reason is the disk's.
+    let refused = recover(broken(20), Cursor::new(Vec::new())).unwrap_err();
+    assert_eq!(refused.to_string(), "a bad block");
+}
+
 struct Counted<'a> {
     from: Cursor<&'a [u8]>,
     /// Number of bytes that were read.

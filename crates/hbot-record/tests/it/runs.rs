@@ -5,12 +5,14 @@ use std::io::Cursor;
 use std::net::SocketAddr;
 use std::path::Path;
 
+use hbot_api::{Event, InfoOk, SceneEvent, StateEvent};
 use hbot_config::SceneFile;
 use hbot_core::inputs::Command;
 use hbot_core::safety::mode::{Cause, Mode};
 use hbot_record::reader::Item;
 use hbot_record::replay::{Replay, ReplayError, renumbered};
-use hbot_record::{Exact, Reader, Topic};
+use hbot_record::told::{Told, told};
+use hbot_record::{ClientRecording, Exact, Reader, Topic};
 use hbot_testing::lines::JsonLines;
 
 use crate::made::{assert_exact, exact, record, replay};
@@ -152,4 +154,26 @@ fn a_part_of_a_recording_is_compared_if_asked() {
     let report = report.unwrap();
     assert_eq!((report.ticks, report.range, report.is_exact()), (500, Some((500, 999)), true));
     assert_eq!(replay(&recording).unwrap().ticks, 2000);
+}
+
+/// A scene that is loaded after the answer to `info`, before the first state.
+#[test]
+fn a_client_records_the_scene_that_its_first_state_was_rendered_with() {
+    let info = InfoOk { scene: serde_json::json!({"name": "Old"}), ..InfoOk::default() };
+    let mut into = Cursor::new(Vec::new());
+    let mut recording = ClientRecording::new(&mut into, &info, "hbot").unwrap();
+    let loaded = SceneEvent { tick: 4, name: "New".to_owned(), effects: Vec::new(), by: None };
+    recording.take(&Event::Scene(loaded)).unwrap();
+    recording.take(&Event::State(StateEvent { tick: 5, ..StateEvent::default() })).unwrap();
+    recording.finish().unwrap();
+    let mut reader = Reader::new(Cursor::new(into.into_inner())).unwrap();
+    let mut scenes = Vec::new();
+    while let Some(item) = reader.next().unwrap() {
+        if let Item::Message { topic, data, .. } = item
+            && let Some(Told::Scene(scene)) = told(&topic, &data)
+        {
+            scenes.push((scene.tick, scene.name));
+        }
+    }
+    assert_eq!(scenes, [(4, "New".to_owned())]);
 }
