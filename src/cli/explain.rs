@@ -4,17 +4,17 @@ mod findings;
 mod picture;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::{Context as _, bail, ensure};
 use clap::Args;
-use hbot_api::{Event, FaultEvent};
+use hbot_api::{Event, FaultEvent, LimitsInfo};
 use hbot_config::advice::Abilities;
 use hbot_config::{Override, RigConfig, SceneFile};
+use hbot_core::design::rig::Limits;
+use hbot_identify::recording::rate;
 use hbot_record::Reader;
 use hbot_record::flight::Name;
 use hbot_record::messages::hbot::State;
@@ -23,7 +23,8 @@ use hbot_record::ticks::Ticks;
 use hbot_record::told::{Told, told};
 
 use super::numbers::whole;
-use super::out::{foreign, note, refuse_folder_or_pipe, tell};
+use super::out::{foreign, note, tell};
+use super::record::open_recording;
 use super::recover::missing_parts;
 use super::scene::plot::{svg, write};
 use super::style;
@@ -161,7 +162,9 @@ pub(crate) fn run(args: &ExplainArgs) -> anyhow::Result<ExitCode> {
         let since = since
             .map_or("before the recording".to_owned(), |since| format!("{:.1} s before", last.t - since));
         tell!("  {:<10} {}, since {since}", "scene", foreign(scene.name()))?;
-        for warning in Abilities::of(&rig).warnings(scene).iter().take(2) {
+        // Of the rig of a client's recording, only the limits are known.
+        let most = if args.rig.is_none() && history.about.contains_key("rig") { 0 } else { 2 };
+        for warning in Abilities::of(&rig).warnings(scene).iter().take(most) {
             tell!("  {:<10} {}", "", foreign(&warning.to_string()))?;
         }
     }
@@ -205,13 +208,11 @@ fn healthy(args: &ExplainArgs, whole: &Whole, flawed: bool) -> anyhow::Result<()
 
 /// Returns the rig of a recording.
 fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<RigConfig> {
-    let rate = about.get("rate_hz").and_then(|rate| rate.parse::<u32>().ok());
-    let change =
-        rate.map(|rate| Override { path: "loop.rate_hz", value: rate.into(), from: "the recording" });
-    let changes: Vec<_> = change.into_iter().collect();
-    let rig = match (&args.rig, about.get("rig_file")) {
-        (None, Some(text)) => RigConfig::from_toml_with(text, "the recorded rig file", &changes)?,
-        (path, _) => super::rig_file::load(path.as_deref(), &changes)?,
+    let rate = rate(about);
+    let rig = match (&args.rig, about.get("rig_file"), about.get("rig")) {
+        (None, Some(text), _) => RigConfig::from_toml_with(text, "the recorded rig file", rate.as_slice())?,
+        (None, None, Some(told)) => return of_client(told, rate.as_slice()),
+        (path, ..) => super::rig_file::load(path.as_deref(), rate.as_slice())?,
     };
     let ours = rig.rig.device.joints();
     let joints = about.get("joints").map_or(ours, |names| names.split(' ').count());
@@ -220,6 +221,19 @@ fn rig(args: &ExplainArgs, about: &BTreeMap<String, String>) -> anyhow::Result<R
         "the recording is of another rig: it has {joints} joints, and {} {ours}; name its rig file by --rig",
         args.rig.as_deref().map_or("the prototype".into(), Path::to_string_lossy)
     );
+    Ok(rig)
+}
+
+/// Returns the rig of a recording of a client, which has its name and limits. The rest is that of
+/// the prototype.
+fn of_client(told: &str, rate: &[Override]) -> anyhow::Result<RigConfig> {
+    let unreadable = "the recording's entry `rig` cannot be read; name the rig file by --rig";
+    let mut told: serde_json::Value = serde_json::from_str(told).context(unreadable)?;
+    let info: LimitsInfo = serde_json::from_value(told["limits"].take()).context(unreadable)?;
+    let LimitsInfo { torque, speed, slip, .. } = info;
+    let mut rig = super::rig_file::load(None, rate)?;
+    rig.rig = rig.rig.with(|parts| parts.limits = Limits { torque, speed, slip, ..parts.limits })?;
+    rig.name = told["rig"]["name"].as_str().context(unreadable)?.to_owned();
     Ok(rig)
 }
 
@@ -306,9 +320,8 @@ fn gather(path: &Path, number: Option<u32>) -> anyhow::Result<Gathered> {
         let recording = path.with_extension("mcap");
         bail!("a flight log is two files: beside {} there is no {}", path.display(), recording.display());
     }
-    refuse_folder_or_pipe(path, "the file of a recording (MCAP)")?;
     let name = || path.display().to_string();
-    let mut reader = Reader::new(BufReader::new(File::open(path).with_context(name)?)).with_context(name)?;
+    let mut reader = Reader::new(open_recording(path)?).with_context(name)?;
     let mut gathered = Gathered::default();
     loop {
         match reader.next().with_context(name)? {

@@ -1,7 +1,7 @@
 //! `hbot record`: records a running server from any machine.
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ use hbot_record::ClientRecording;
 use hbot_server::recording::is_folder;
 
 use super::numbers::{seconds, whole};
-use super::out::{create_new, make_folder, note, say};
+use super::out::{create_new, make_folder, note, refuse_folder_or_pipe, say};
 use super::progress::Progress;
 use super::{ServerAddress, orders};
 
@@ -48,6 +48,12 @@ pub(crate) struct RecordArgs {
     /// Stop after this time, above 0 and at most 1e9 s, by the clock of this computer
     #[arg(long, value_name = "SECONDS", value_parser = seconds, allow_negative_numbers = true)]
     duration: Option<f64>,
+}
+
+/// Opens a recording to read it.
+pub(crate) fn open_recording(path: &Path) -> anyhow::Result<BufReader<File>> {
+    refuse_folder_or_pipe(path, "the file of a recording (MCAP)")?;
+    Ok(BufReader::new(File::open(path).with_context(|| path.display().to_string())?))
 }
 
 /// Parses the name of a new recording. An ending of another format is refused, because the file

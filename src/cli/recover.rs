@@ -1,7 +1,6 @@
 //! `hbot recover`: makes a file with an end of a recording that was cut off or damaged.
 
-use std::fs::File;
-use std::io::{BufReader, BufWriter};
+use std::io::BufWriter;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -11,8 +10,8 @@ use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_record::recover::recover;
 use hbot_record::ticks::{Gap, Ticks};
 
-use super::out::{create_new, refuse_folder_or_pipe, tell};
-use super::record::new_recording;
+use super::out::{create_new, tell};
+use super::record::{new_recording, open_recording};
 use super::style;
 
 /// What the exit codes mean, for the help.
@@ -36,8 +35,7 @@ pub(crate) struct RecoverArgs {
 /// Copies what can be read. Returns success if the recording was only cut off, not damaged.
 pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
     let name = || args.file.display().to_string();
-    refuse_folder_or_pipe(&args.file, "the file of a recording (MCAP)")?;
-    let from = BufReader::new(File::open(&args.file).with_context(name)?);
+    let from = open_recording(&args.file)?;
     let into = BufWriter::new(create_new(&args.out)?);
     let found = match recover(from, into) {
         Ok(found) => found,
@@ -70,8 +68,9 @@ pub(crate) fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
     let open = found.cut || found.ticks.damaged_before || found.ticks.damaged_after;
     let all = if open { String::new() } else { format!(" of {}", there + missing) };
     tell!(
-        "{} {state}: {there}{all} ticks ({first:.3} to {last:.3} s) are in {}",
+        "{} {state}: {there}{all} {}s ({first:.3} to {last:.3} s) are in {}",
         args.file.display(),
+        found.ticks.name(),
         args.out.display()
     )?;
     let lost = missing_parts(&found.ticks, found.cut);
@@ -87,7 +86,7 @@ pub(super) fn missing_parts(ticks: &Ticks, cut: bool) -> Vec<String> {
     let mut parts: Vec<String> = ticks.gaps.iter().take(MOST_GAPS).map(Gap::to_string).collect();
     if let Some(more) = ticks.gaps.get(MOST_GAPS..).filter(|more| !more.is_empty()) {
         let states: u64 = more.iter().map(|gap| gap.states).sum();
-        parts.push(format!("{states} ticks are missing in {} further gaps", more.len()));
+        parts.push(format!("{states} {}s are missing in {} further gaps", ticks.name(), more.len()));
     }
     let Some((first, last)) = ticks.range else { return parts };
     if ticks.damaged_before {

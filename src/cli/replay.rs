@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -16,8 +15,8 @@ use hbot_record::replay::{Flaw, Replay, ReplayError, Replayed, Report, renumbere
 use hbot_record::{About, Writer, public};
 
 use super::numbers::real;
-use super::out::{WrongLine, create_new, note, refuse_folder_or_pipe, say, tell};
-use super::record::new_recording;
+use super::out::{WrongLine, create_new, note, say, tell};
+use super::record::{new_recording, open_recording};
 use super::{scene, style};
 
 /// What the exit codes mean, for the help.
@@ -64,8 +63,7 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let path = hbot_record::recording_of(&args.file);
     let name = || path.display().to_string();
     let other = args.scene.as_deref().map(scene::scene).transpose()?;
-    refuse_folder_or_pipe(&path, "the file of a recording (MCAP)")?;
-    let file = BufReader::new(File::open(&path).with_context(name)?);
+    let file = open_recording(&path)?;
     let compiled = other.clone().map(|other| Box::new(renumbered(&RunningScene::new().load(other))));
     let replay = Replay::new(file, compiled).with_context(name)?;
     let period_ns = period_ns(replay.about()).with_context(name)?;
@@ -76,19 +74,22 @@ pub(crate) fn run(args: &ReplayArgs) -> anyhow::Result<ExitCode> {
         (Some(other), Some(out)) => {
             let mut output = Output::create(out, replay.about(), other, period_ns)?;
             let report = replay.run(from, to, |replayed| output.write(replayed));
+            let report = report.and_then(|report| {
+                output.writer.finish().with_context(|| out.display().to_string())?;
+                Ok(report)
+            });
             if !report.as_ref().is_ok_and(|report| report.range.is_some()) {
-                // An empty file would look like a recording.
+                // An empty file, or one without an end, would look like a recording.
                 let _ = std::fs::remove_file(out);
             }
-            let report = report?;
-            output.writer.finish().with_context(|| out.display().to_string())?;
-            report
+            report?
         }
         _ => replay.run(from, to, |_| Ok::<_, ReplayError>(())).with_context(name)?,
     };
     tell(&report, period_ns, begun, args.out.as_deref().filter(|out| out.exists()))?;
     if report.range.is_none() && report.difference.is_none() {
-        bail!("nothing could be replayed: no tick is readable");
+        let part = if args.from.or(args.to).is_some() { " of the wanted part" } else { "" };
+        bail!("nothing could be replayed: no tick{part} is readable");
     }
     Ok(if report.is_exact() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -158,6 +158,14 @@ fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
     let replay = || crate::process::run(&args);
     replay().failure().stderr(contains("no exact inputs in the wanted part"));
     assert!(!out.exists());
+    // Nor on a disk that takes the head of the file and not its end.
+    let limit = "trap '' XFSZ; ulimit -f 64; exec \"$0\" \"$@\"";
+    let mut full = assert_cmd::Command::new("sh");
+    full.args(["-c", limit])
+        .arg(hbot().get_program())
+        .args(args.iter().filter(|arg| !arg.contains("50") && **arg != "--from"));
+    full.assert().code(1).stderr(contains("other.mcap"));
+    assert!(!out.exists());
     // A server that was killed leaves a recording without its end.
     let bytes = std::fs::read(&run).expect("the recording");
     std::fs::write(&run, &bytes[..bytes.len() * 2 / 3]).expect("written");
@@ -167,4 +175,15 @@ fn a_recording_without_a_fault_says_that_nothing_went_wrong() {
         contains(", because the recording was cut off: what happened in them is not known\n")
             .and(contains("nothing went wrong in what can be read: no fault")),
     );
+}
+
+/// A client does not have the rig file, but what `info` says of the rig.
+#[test]
+fn a_recording_of_a_client_is_told_with_the_limits_of_its_rig() {
+    let server = Process::altered("speed = 30 ", "speed = 25 ");
+    let file = server.folder().join("run.mcap");
+    let record = ["record", text(&file), "--server", &server.address, "--every", "10", "--duration", "1"];
+    crate::process::run(&record).success();
+    let said = contains("(limit 25 rad/s)").and(contains(" states)"));
+    explain(&[text(&file)]).success().stdout(said);
 }

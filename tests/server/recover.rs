@@ -68,6 +68,9 @@ fn what_can_be_read_of_a_recording_is_recovered_and_what_is_lost_stays_known() {
         .code(1)
         .stderr(contains("nothing could be replayed: no tick is readable"))
         .stdout("");
+    std::fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).expect("written");
+    let late = assert_cmd::Command::from_std(hbot()).arg("replay").arg(&cut).args(["--from", "9"]).assert();
+    late.code(1).stderr(contains("nothing could be replayed: no tick of the wanted part is readable"));
     run("recover", &[&text, &out]).failure().stderr(contains("not an MCAP file"));
     assert!(!out.exists(), "nothing is left of a failure");
 }

@@ -1,13 +1,13 @@
 //! What a recording says about times: how old readings are, and how late ticks are.
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
 use anyhow::Context as _;
 use hbot_record::exact::{FORMAT, OLDEST};
 use hbot_record::reader::Item;
 use hbot_record::{Exact, Reader, Topic};
+
+use crate::cli::record::open_recording;
 
 /// Times of all ticks of recordings with a reading, s.
 #[derive(Debug, Clone, Default)]
@@ -20,8 +20,7 @@ impl Latency {
     /// Adds the times of the recording `run`.
     pub(super) fn read(&mut self, run: &Path) -> anyhow::Result<()> {
         let name = || run.display().to_string();
-        let mut reader =
-            Reader::new(BufReader::new(File::open(run).with_context(name)?)).with_context(name)?;
+        let mut reader = Reader::new(open_recording(run)?).with_context(name)?;
         let (mut format, mut period_s) = (FORMAT, 1.0e-3);
         while let Some(item) = reader.next().with_context(name)? {
             match item {
