@@ -1,7 +1,8 @@
 //! A simulated rig that is not as drawn, from a recording to a rig file that drifts less: `hbot
 //! server --built`, `hbot rig identify`.
 
-use std::fs::File;
+use std::fs::{File, Permissions};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -42,8 +43,19 @@ fn built() -> String {
 }
 
 fn run(folder: &Path, args: &str) -> Assert {
-    let mut command = assert_cmd::Command::from_std(hbot());
-    command
+    run_as(hbot(), folder, args)
+}
+
+/// Runs a command as on a disk that takes `blocks` blocks of 512 bytes of each file.
+fn limited(blocks: u32, folder: &Path, args: &str) -> Assert {
+    let mut shell = std::process::Command::new("sh");
+    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
+    shell.args(["-c", &script]).arg(hbot().get_program());
+    run_as(shell, folder, args)
+}
+
+fn run_as(command: std::process::Command, folder: &Path, args: &str) -> Assert {
+    assert_cmd::Command::from_std(command)
         .current_dir(folder)
         .env("XDG_STATE_HOME", folder)
         .args(args.split(' '))
@@ -103,6 +115,14 @@ fn a_rig_that_is_not_as_drawn_is_identified_and_then_drifts_less() {
         .success()
         .stdout(contains("nothing is written; `--out FILE.toml`"));
     let text = std::fs::read_to_string(folder.join("fitted.toml")).expect("written");
+    // A disk that takes no byte leaves the old file, and no other one.
+    let files = || std::fs::read_dir(folder).expect("a folder").count();
+    let before = files();
+    limited(0, folder, "rig identify --zeros --rig drawing.toml run.mcap --out fitted.toml")
+        .code(1)
+        .stderr(contains("fitted.toml: cannot be written, and stays as it was"));
+    assert_eq!(std::fs::read_to_string(folder.join("fitted.toml")).expect("there"), text);
+    assert_eq!(files(), before);
     assert!(text.contains("# rad, table I (10 degrees)"), "comments stay:\n{text}");
     assert!(text.contains("\ndrift = 0.0005\n"), "what such a geometry drifts:\n{text}");
 
@@ -154,6 +174,19 @@ fn a_recording_of_motors_that_push_and_one_over_tcp_are_refused() {
     run(folder, "server --listen 127.0.0.1:0 --time virtual --duration 20 --record pushed.mcap").success();
     run(folder, "rig identify pushed.mcap --out never.toml").code(1).stderr(contains("the motors push in"));
     run(folder, "rig identify missing.mcap").code(1).stderr(contains("missing.mcap"));
+    // A rig file that is legal only with options of the command line.
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
+    write("slow.toml", &DRAWING.replace("rate_hz = 1000", "rate_hz = 10"));
+    write("deaf.toml", &DRAWING.replace("listen = \"127.0.0.1:4268\"", "listen = \"nowhere\""));
+    write("geared.toml", &DRAWING.replacen("gear = 1 ", "gear = 2 ", 1));
+    for rig in ["slow", "deaf"] {
+        let options = format!("--rate 1000 --rig {rig}.toml --record {rig}.mcap");
+        run(folder, &format!("server --listen 127.0.0.1:0 --time virtual --duration 1 {options}")).success();
+    }
+    let gear = "wheel[0].steer.gear is 1 in its rig file, and 2 in the given one";
+    run(folder, "rig identify --rig geared.toml slow.mcap").code(1).stderr(contains(gear));
+    let listen = contains("deaf.mcap: it holds a rig file that is not legal: ").and(contains("api.listen: "));
+    run(folder, "rig identify deaf.mcap").code(1).stderr(listen);
     std::fs::write(folder.join("three.toml"), include_str!("../../rigs/three_wheels.toml")).expect("written");
     run(folder, "rig identify --rig three.toml pushed.mcap")
         .code(1)
@@ -272,6 +305,7 @@ fn motors_that_turn_the_wrong_way_and_a_wrong_geometry_give_no_rig_file() {
     let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
     write("drawing.toml", &kept());
     write("flat.toml", &kept().replace("cone = 0.1745 ", "cone = 0.25 "));
+    write("light.toml", &kept().replace("mass = 0.467 ", "mass = 0.2 "));
     let refused = |args: &str, why: &str| {
         let args = format!("rig identify --motors --rig drawing.toml {args} --out never.toml");
         let output = run(folder, &args).code(1);
@@ -281,6 +315,7 @@ fn motors_that_turn_the_wrong_way_and_a_wrong_geometry_give_no_rig_file() {
         assert!(!folder.join("never.toml").exists());
     };
     refused("--built flat.toml", "the joints contradict each other by");
+    refused("--built light.toml --seconds 20", "torque_scale: 2.3");
     refused("--speed 0.2", "turned faster than --speed allows");
     refused("--built nowhere.toml", "nowhere.toml");
     refused("--port /dev/nowhere --built drawing.toml", "is a real rig, which is built as it is");
@@ -307,14 +342,29 @@ fn a_certificate_says_what_was_measured_and_what_was_not() {
     );
     run(folder, "rig certify drawing.toml --out bare")
         .code(1)
-        .stderr(contains("bare: a certificate is there already. Name another folder by --out"));
+        .stderr(contains("bare: certificate.md is there already. Name another folder by --out"));
+    std::fs::create_dir(folder.join("pictures")).expect("made");
+    write("pictures/drift.svg", "a picture of somebody else");
+    run(folder, "rig certify drawing.toml --out pictures")
+        .code(1)
+        .stderr(contains("pictures: drift.svg is there already. Name another folder by --out"));
     let (bare, _) = page("bare");
     for not in ["drift in a turn", "torque accuracy", "friction of joints and sphere", "lateness of a tick"] {
         assert!(bare.contains(&format!("| {not} | not measured |")), "{not}:\n{bare}");
     }
     assert!(bare.contains("N m/rad, with"), "the border needs no measurement:\n{bare}");
 
+    // What was asked for and could not be measured has the exit code of a failure.
+    run(folder, "rig certify drawing.toml --motors --speed 0.2 --built true.toml --out stopped")
+        .code(1)
+        .stdout(contains("turned faster than --speed allows"));
+
     record(folder, "drawing.toml", 20, "run.mcap");
+    // A file behind a link keeps its place and its mode.
+    let (own, link) = (folder.join("own.toml"), folder.join("named.toml"));
+    write("own.toml", &kept());
+    std::fs::set_permissions(&own, Permissions::from_mode(0o600)).expect("its own");
+    std::os::unix::fs::symlink("own.toml", &link).expect("made");
     run(
         folder,
         "rig certify drawing.toml run.mcap --motors --built true.toml --out whole --write named.toml",
@@ -338,7 +388,12 @@ fn a_certificate_says_what_was_measured_and_what_was_not() {
     let named = std::fs::read_to_string(folder.join("named.toml")).expect("written");
     let name = named.lines().find_map(|line| line.strip_prefix("certificate = ")).expect("a name");
     assert!(whole.contains(name.trim_matches('"')), "{name}:\n{whole}");
+    assert!(link.is_symlink());
+    assert_eq!(own.metadata().expect("there").permissions().mode() & 0o777, 0o600);
     record(folder, "named.toml", 1, "named.mcap");
+    run(folder, "rig certify drawing.toml named.mcap --out short")
+        .code(1)
+        .stdout(contains("the recordings are too short for the geometry").or(contains("moves for")));
     let mut reader =
         Reader::new(File::open(folder.join("named.mcap")).expect("recorded")).expect("a recording");
     let about = std::iter::from_fn(|| reader.next().expect("readable")).find_map(|item| match item {

@@ -26,9 +26,10 @@ use serde_json::json;
 use self::latency::Latency;
 use self::page::Page;
 use super::identify::motors::{self, Motion};
-use super::identify::{News, filed, read};
+use super::identify::{filed, read};
 use super::{edit, joint_name};
 use crate::cli::out::{WrongLine, say, tell};
+use crate::cli::progress::Progress;
 
 /// Number of turns over which the drift is computed, the time of each, s, and the time between two
 /// readings, s.
@@ -60,7 +61,7 @@ pub(crate) struct CertifyArgs {
     #[command(flatten)]
     motion: Motion,
     /// `sim` for the simulated rig, or a serial device, in place of the rig file's port
-    #[arg(long, value_name = "sim|DEVICE")]
+    #[arg(long, value_name = "sim|DEVICE", requires = "motors")]
     port: Option<String>,
     /// Folder for certificate.md, certificate.html and the plots
     #[arg(long, value_name = "DIR", default_value = "certificate")]
@@ -125,8 +126,8 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
     for (why, names) in without {
         tell!("  {}: {why}", names.join("; "))?;
     }
-    for file in page::FILES {
-        say!("{}: written", args.out.join(file).display())?;
+    for file in page::FILES.map(|file| args.out.join(file)).iter().filter(|file| file.exists()) {
+        say!("{}: written", file.display())?;
     }
     if let Some(write) = &args.write {
         let mut document = edit::open(Some(file))?;
@@ -134,7 +135,8 @@ pub(crate) fn run_certify(args: &CertifyArgs) -> anyhow::Result<ExitCode> {
         edit::save(&document, write)?;
         say!("{}: written", write.display())?;
     }
-    Ok(ExitCode::SUCCESS)
+    let failed = args.motors && known.motors.is_err() || !runs.is_empty() && known.geometry.is_err();
+    Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
 /// Reads what recordings show: the geometry, or why there is none, the latency, and whether one is
@@ -143,17 +145,17 @@ fn recorded(
     rig: &RigConfig,
     runs: &[PathBuf],
 ) -> anyhow::Result<(Result<Identified, String>, Latency, bool)> {
-    let mut news = News::new();
+    let mut progress = Progress::new();
     let mut recordings = Vec::new();
     let mut latency = Latency::default();
     for run in runs {
-        recordings.push(read(run, rig, &mut news)?);
+        recordings.push(read(run, rig, &mut progress)?);
         latency.read(run)?;
     }
     if runs.is_empty() {
         return Ok((Err(format!("it needs recordings: {RUNS}")), latency, false));
     }
-    let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
+    let mut fitting = |step, most| progress.show(|_| format!("fitting: step {step} of at most {most}"));
     let simulated = recordings.iter().any(|recording| recording.simulated);
     let found = identify(&rig.rig, &recordings, What::Geometry, &mut fitting);
     let found = match found {

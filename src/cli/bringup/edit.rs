@@ -1,5 +1,8 @@
 //! Changes values of a rig file and keeps its comments and the order of its keys.
 
+use std::fs::{File, Metadata};
+use std::io::{ErrorKind, Write as _};
+use std::os::unix::fs::{MetadataExt as _, fchown};
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -29,10 +32,48 @@ pub(super) fn refuse_another(file: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes a changed rig file.
+/// Writes a changed rig file. Fails if it is not legal, or cannot be written. The old file stays
+/// then.
 pub(super) fn save(document: &DocumentMut, file: &Path) -> anyhow::Result<()> {
-    std::fs::write(file, document.to_string())
-        .with_context(|| format!("{}: cannot be written", file.display()))
+    let text = document.to_string();
+    RigConfig::from_toml(&text, &file.display().to_string())
+        .context("nothing is written, because the values found make no legal rig file")?;
+    replace(file, &text)
+        .with_context(|| format!("{}: cannot be written, and stays as it was", file.display()))
+}
+
+/// Writes `text` to a file beside `file` and renames it, so that `file` is never half written. Mode
+/// and owner stay, and so does a link to the file.
+fn replace(file: &Path, text: &str) -> std::io::Result<()> {
+    // The file must be writable: a rename would replace a write-protected one.
+    let old = match File::options().write(true).open(file) {
+        Ok(old) => Some(old.metadata()?),
+        Err(error) if error.kind() == ErrorKind::NotFound => None,
+        Err(error) => return Err(error),
+    };
+    if old.as_ref().is_some_and(|old| !old.is_file()) {
+        return std::fs::write(file, text);
+    }
+    let file = if old.is_some() { file.canonicalize()? } else { file.to_owned() };
+    let mut name = file.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}", std::process::id()));
+    let beside = file.with_file_name(name);
+    let written = fill(File::create_new(&beside)?, text, old).and_then(|()| std::fs::rename(&beside, &file));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&beside);
+    }
+    written
+}
+
+/// Writes `text` to a new file that takes the place of one with the metadata `old`.
+fn fill(mut new: File, text: &str, old: Option<Metadata>) -> std::io::Result<()> {
+    if let Some(old) = old {
+        new.set_permissions(old.permissions())?;
+        // Only root can give a file away, and has to for the file of a service.
+        let _ = fchown(&new, Some(old.uid()), Some(old.gid()));
+    }
+    new.write_all(text.as_bytes())?;
+    new.sync_all()
 }
 
 /// Sets `key` in `table`. The comment behind the old value stays.

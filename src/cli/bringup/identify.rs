@@ -3,13 +3,10 @@
 
 pub(super) mod motors;
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use hbot_config::RigConfig;
@@ -18,12 +15,11 @@ use hbot_identify::identify::{Identified, Name, Value};
 use hbot_identify::{Recorded, What, identify};
 
 use super::super::numbers::positive;
-use super::super::out::{note, refuse_folder_or_pipe, tell};
+use super::super::out::{WrongLine, note, tell};
+use super::super::progress::Progress;
+use super::super::record::open_recording;
 use super::super::style;
 use super::{COGGING, Which, edit, has_cogging, joint_name};
-
-/// Time between two messages about the progress.
-const NEWS: Duration = Duration::from_secs(2);
 
 /// Options of `hbot rig identify`.
 #[derive(Debug, Args)]
@@ -67,18 +63,22 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
     if args.motors {
         return motors::run(args);
     }
+    if args.which.port.is_some() {
+        bail!(WrongLine("--port needs `--motors`: recordings come from files".to_owned()));
+    }
     let rig = args.which.load()?;
     if let Some(file) = &args.out {
         edit::refuse_another(file)?;
     }
-    let mut news = News::new();
+    let mut progress = Progress::new();
     let mut recordings = Vec::new();
     for run in &args.runs {
-        recordings.push(read(run, &rig, &mut news)?);
+        recordings.push(read(run, &rig, &mut progress)?);
     }
     let what = if args.zeros { What::Zeros } else { What::Geometry };
-    let mut fitting = |step, most| news.tell(|| format!("fitting: step {step} of at most {most}"));
+    let mut fitting = |step, most| progress.show(|_| format!("fitting: step {step} of at most {most}"));
     let found = identify(&rig.rig, &recordings, what, &mut fitting)?;
+    progress.clear();
     report(&rig, &recordings, &found)?;
     if what != found.what {
         let (warn, off) = (style::WARN, style::OFF);
@@ -102,12 +102,11 @@ pub(crate) fn run_identify(args: &IdentifyArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Reads the counts of one recording.
-pub(super) fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Result<Recorded> {
-    let name = || run.display().to_string();
-    refuse_folder_or_pipe(run, "the file of a recording (MCAP)")?;
-    let file = BufReader::new(File::open(run).with_context(name)?);
-    let mut reading = |ticks| news.tell(|| format!("{}: {ticks} ticks read", run.display()));
-    let recorded = Recorded::read(file, rig, &mut reading).with_context(name)?;
+pub(super) fn read(run: &Path, rig: &RigConfig, progress: &mut Progress) -> anyhow::Result<Recorded> {
+    let mut reading = |ticks| progress.show(|_| format!("{}: {ticks} ticks read", run.display()));
+    let recorded = Recorded::read(open_recording(run)?, rig, &mut reading);
+    progress.clear();
+    let recorded = recorded.with_context(|| run.display().to_string())?;
     let (warn, off) = (style::WARN, style::OFF);
     if recorded.simulated {
         note!(
@@ -125,25 +124,6 @@ pub(super) fn read(run: &Path, rig: &RigConfig, news: &mut News) -> anyhow::Resu
 /// Change of a zero by which the phases of cogging with some hundred periods in a turn change by a
 /// tenth of a radian and more, rad.
 const MOVED: f64 = 1.0e-3;
-
-/// Messages about the progress on standard error, not more often than a person reads.
-pub(super) struct News {
-    last: Instant,
-}
-
-impl News {
-    pub(super) fn new() -> Self {
-        Self { last: Instant::now() }
-    }
-
-    pub(super) fn tell(&mut self, text: impl FnOnce() -> String) {
-        if self.last.elapsed() >= NEWS {
-            self.last = Instant::now();
-            let (dim, off) = (style::DIM, style::OFF);
-            note!("{dim}{}{off}", text());
-        }
-    }
-}
 
 /// Prints what was found.
 fn report(rig: &RigConfig, recordings: &[Recorded], found: &Identified) -> anyhow::Result<()> {

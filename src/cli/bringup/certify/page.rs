@@ -8,8 +8,8 @@ use anyhow::{Context as _, ensure};
 
 use super::NOT;
 
-/// The files of a page, besides its plots.
-pub(super) const FILES: [&str; 2] = ["certificate.md", "certificate.html"];
+/// The files of a page. Not every page has both plots.
+pub(super) const FILES: [&str; 4] = ["certificate.md", "certificate.html", "drift.svg", "stiffness.svg"];
 /// Style sheet of the HTML page.
 const STYLE: &str = "\
 :root { color-scheme: light dark }
@@ -73,13 +73,15 @@ impl Page {
         (with, without)
     }
 
-    /// Fails if there is a certificate in the folder `out`.
+    /// Fails if a file of a page is in the folder `out`.
     pub(super) fn refuse_another(out: &Path) -> anyhow::Result<()> {
-        ensure!(
-            !FILES.iter().any(|file| out.join(file).exists()),
-            "{}: a certificate is there already. Name another folder by --out, or remove it first",
-            out.display()
-        );
+        for file in FILES {
+            ensure!(
+                !out.join(file).exists(),
+                "{}: {file} is there already. Name another folder by --out, or remove it first",
+                out.display()
+            );
+        }
         Ok(())
     }
 
@@ -90,7 +92,7 @@ impl Page {
             std::fs::write(&path, text).with_context(|| format!("{}: cannot be written", path.display()))
         };
         std::fs::create_dir_all(out).with_context(|| format!("{}: cannot be made", out.display()))?;
-        let [markdown, html] = FILES;
+        let [markdown, html, ..] = FILES;
         put(markdown, &self.markdown())?;
         put(html, &self.html())?;
         for block in &self.blocks {
