@@ -141,7 +141,12 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
         SceneCommand::Kinds { kind, json } => kinds::run(kind.as_deref(), json)?,
         SceneCommand::Show { scene: Some(name), .. } => match ShelfScene::named(&name) {
             None if name.contains(':') => bail!(WrongLine(format!("`--server {name}` names a server"))),
-            Some(scene) => say!("{}", scene.text.trim_end())?,
+            Some(scene) => {
+                refuse_options_of_server(
+                    "is for the scene that a server renders: a ready-made scene comes from no server",
+                )?;
+                say!("{}", scene.text.trim_end())?;
+            }
             None => bail!(
                 "{name}: no ready-made scene has this name{}; {LIST}",
                 guess(ShelfScene::similar(&name))
@@ -150,7 +155,9 @@ pub(crate) fn run(command: SceneCommand) -> anyhow::Result<ExitCode> {
         SceneCommand::Show { scene: None, address } => show(&address)?,
         SceneCommand::Check { which, watch: true, to, .. } => watch::run(&which, &to)?,
         SceneCommand::Check { which, strict, .. } => {
-            refuse_options_of_watch()?;
+            refuse_options_of_server(
+                "needs `--watch`, which loads the scene into a server. Without it, a check asks no server",
+            )?;
             if check(&which)? && strict {
                 return Ok(ExitCode::FAILURE);
             }
@@ -172,9 +179,9 @@ fn show(address: &ServerAddress) -> anyhow::Result<()> {
     }
 }
 
-/// Fails if the command line has an option that only `--watch` needs. A variable such as
-/// HBOT_SERVER, which is for all commands, is no reason to fail.
-fn refuse_options_of_watch() -> anyhow::Result<()> {
+/// Fails if the command line has an option about a server. `why` ends the sentence that begins with
+/// the option. A variable such as HBOT_SERVER, which is for all commands, is no reason to fail.
+fn refuse_options_of_server(why: &str) -> anyhow::Result<()> {
     let arguments: Vec<_> = std::env::args_os().take_while(|argument| argument != "--").collect();
     let is_given = |option: &&str| {
         let is_it = |text: &str| text.split('=').next() == Some(option);
@@ -182,9 +189,7 @@ fn refuse_options_of_watch() -> anyhow::Result<()> {
     };
     match ["--server", "--token-file", "--ca", "--steal"].iter().find(|option| is_given(option)) {
         None => Ok(()),
-        Some(option) => bail!(WrongLine(format!(
-            "{option} needs `--watch`, which loads the scene into a server. Without it, a check asks no server"
-        ))),
+        Some(option) => bail!(WrongLine(format!("{option} {why}"))),
     }
 }
 

@@ -30,7 +30,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use super::console::Console;
 use super::numbers::{positive, processor, rate, seconds};
-use super::out::{self, make_folder};
+use super::out::{self, WrongLine, make_folder};
 use super::record::file_or_folder;
 use super::sockets::Web;
 use super::{own_folder, secrets, sockets, status, style};
@@ -163,6 +163,9 @@ pub(crate) fn run(args: ServerArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn start(args: ServerArgs, console: &Console) -> anyhow::Result<ExitCode> {
+    if args.record_limit.is_some() && args.record.as_deref().is_some_and(is_file) {
+        bail!(WrongLine("--record-limit needs --record FOLDER".to_owned()));
+    }
     let mut rig = super::rig_file::load(args.rig.as_deref(), &args.overrides())?;
     let built = built(&args, &rig)?;
     let scene = match &args.scene {
@@ -302,7 +305,6 @@ fn recording(args: &ServerArgs, rig: &RigConfig) -> anyhow::Result<RecordOptions
                 "--record {}: the file exists already. Name another one, or a folder, in which each run gets a file",
                 path.display()
             );
-            anyhow::ensure!(args.record_limit.is_none(), "--record-limit needs --record FOLDER");
         }
         _ => {}
     }

@@ -372,6 +372,7 @@ fn a_command_that_hbot_calls_otherwise_is_named() {
 #[test]
 fn a_command_line_that_contradicts_itself_has_the_exit_code_of_wrong_ones() {
     let only_with_watch = "needs `--watch`";
+    let ready_made = "a ready-made scene comes from no server";
     for (words, why) in [
         (&["server", "--rate", "10"][..], "--rate: 10 is out of range; legal: 50 to 20000 Hz"),
         (&["scene", "plot", "spring", "--from", "90", "--to", "10"], "--from 90 is not below --to 10"),
@@ -381,6 +382,10 @@ fn a_command_line_that_contradicts_itself_has_the_exit_code_of_wrong_ones() {
         (&["scene", "check", "hinge", "--server=127.0.0.1:9"], only_with_watch),
         (&["scene", "check", "hinge", "--server", "127.0.0.1:9"], only_with_watch),
         (&["scene", "check", "hinge", "--strict", "--watch"], "cannot be used with"),
+        (&["scene", "show", "clay", "--server", "127.0.0.1:9"], ready_made),
+        (&["rig", "identify", "no.mcap", "--port", "sim"], "--port needs `--motors`"),
+        (&["rig", "certify", "no.toml", "--port", "sim"], "--motors"),
+        (&["server", "--record", "no.mcap", "--record-limit", "5MB"], "--record-limit needs --record FOLDER"),
     ] {
         run(words).code(2).stderr(contains(why).and(contains("loop.rate_hz").not()));
     }
