@@ -45,7 +45,7 @@ pub enum RecordedError {
     #[error("it has the format {0}; this version of hbot reads the formats {OLDEST} to {FORMAT}")]
     Version(String),
     /// The rig file in the recording is not legal, so joints and zeros are not known.
-    #[error("it holds a rig file that is not legal: {0}")]
+    #[error("record again with a rig file that `hbot rig check` accepts: the one in it is not legal")]
     RigFile(#[from] Diagnostics),
     /// The recording is of a rig with other joints.
     #[error("it is of another rig: {what} is {recorded} in its rig file, and {ours} in the given one")]
