@@ -43,7 +43,8 @@ pub(super) fn save(document: &DocumentMut, file: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes `text` to a file beside `file` and renames it, so that `file` is never half written. Mode
-/// and owner stay, and so does a link to the file.
+/// and owner stay, and so does a link to the file. Where nothing can be renamed, as in a folder of
+/// another user or on a mount point, `file` is written in place.
 fn replace(file: &Path, text: &str) -> std::io::Result<()> {
     // The file must be writable: a rename would replace a write-protected one.
     let old = match File::options().write(true).open(file) {
@@ -58,11 +59,24 @@ fn replace(file: &Path, text: &str) -> std::io::Result<()> {
     let mut name = file.file_name().unwrap_or_default().to_owned();
     name.push(format!(".{}", std::process::id()));
     let beside = file.with_file_name(name);
-    let written = fill(File::create_new(&beside)?, text, old).and_then(|()| std::fs::rename(&beside, &file));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&beside);
-    }
+    let in_place = old.is_some();
+    let new = match File::create_new(&beside) {
+        Err(error) if in_place && cannot_rename(&error) => return std::fs::write(&file, text),
+        new => new?,
+    };
+    let written = fill(new, text, old).and_then(|()| match std::fs::rename(&beside, &file) {
+        Err(error) if in_place && cannot_rename(&error) => std::fs::write(&file, text),
+        renamed => renamed,
+    });
+    // It is there still unless it was renamed.
+    let _ = std::fs::remove_file(&beside);
     written
+}
+
+/// Returns whether `error` is of the folder of a file, and not of the file.
+fn cannot_rename(error: &std::io::Error) -> bool {
+    use ErrorKind::{CrossesDevices, PermissionDenied, ReadOnlyFilesystem, ResourceBusy};
+    matches!(error.kind(), PermissionDenied | ResourceBusy | CrossesDevices | ReadOnlyFilesystem)
 }
 
 /// Writes `text` to a new file that takes the place of one with the metadata `old`.

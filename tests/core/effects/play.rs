@@ -43,6 +43,11 @@ fn a_dead_band_is_free_and_the_torque_beyond_it_begins_at_nothing() {
             back * angle.signum()
         };
         for side in [1.0, -1.0] {
+            // `enable` and the soft start ask for the excess too.
+            for (angle, excess) in [(0.5 * PLAY, 0.0), (PLAY + 0.3, 0.3)] {
+                let told = kind.excess(base, base * rotation::exp(held * (side * angle)), &[]);
+                assert!((told.expect("it rests somewhere") - excess).abs() < 1e-12, "{kind:?}: {told:?}");
+            }
             assert_eq!(back(0.0), 0.0, "{kind:?}");
             for k in 0..20 {
                 let angle = side * PLAY * f64::from(k) / 20.0;

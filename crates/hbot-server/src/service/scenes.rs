@@ -22,8 +22,10 @@ use hbot_config::advice::{Abilities, Warning};
 use hbot_host::run_loop::bridge::ServiceEnd;
 use hbot_host::run_loop::sample::Sample;
 
-/// Largest number of scenes that are being loaded, and of changes that wait behind them, at a time.
+/// Largest number of scenes and changes that the loop has not rendered yet, and of those that wait
+/// for their examination too.
 const MAX_WAITING: usize = 4;
+const MAX_UNEXAMINED: usize = 64;
 /// Largest length of an error message about a scene, bytes.
 const MAX_MESSAGE: usize = 8192;
 
@@ -281,6 +283,7 @@ impl Scenes {
         })?;
         self.notes.scene(&compiled, self.running.file());
         end.install(Box::new(compiled)).map_err(|_| busy(OpName::Set))?;
+        self.warnings.clear();
         let changed = self.file().effects().iter().find(|e| e.id() == effect).map(SceneEffect::to_json);
         for (name, value) in &mut parameters {
             if let Some(new) = changed.as_ref().and_then(|changed| changed.get(name)) {
@@ -293,7 +296,9 @@ impl Scenes {
 
     /// Checks that the loop can take another scene.
     fn admit(&self, end: &mut ServiceEnd, op: OpName) -> Result<(), ErrorBody> {
-        if self.waiting.len() < MAX_WAITING && end.can_install() { Ok(()) } else { Err(busy(op)) }
+        let unrendered = self.waiting.iter().filter(|waiting| waiting.tick.is_none()).count();
+        let admits = unrendered < MAX_WAITING && self.waiting.len() < MAX_UNEXAMINED;
+        if admits && end.can_install() { Ok(()) } else { Err(busy(op)) }
     }
 
     /// Returns whether a change has not been answered yet.

@@ -127,7 +127,9 @@ impl Law for Guide {
     fn excess(&self, desired: Quat, q: Quat, _: &[Real]) -> Option<Real> {
         let x = desired.conjugate() * q;
         Some(match self.free {
-            Freedom::Plane(u) => fabs(asin((x * u).dot(self.axis).clamp(-1.0, 1.0))),
+            Freedom::Plane(u) => {
+                (fabs(asin((x * u).dot(self.axis).clamp(-1.0, 1.0))) - self.deadband).max(0.0)
+            }
             // The angle of the turn about the held directions that has this part of e.
             _ => (2.0 * asin(self.held(vector_part(x)).length().min(1.0)) - self.deadband).max(0.0),
         })

@@ -113,8 +113,7 @@ pub struct Exchange {
 /// Fails if the controllers no longer answer, or if a stop was requested.
 pub fn brake(bench: &mut Bench, joint: usize, most: f64) -> Result<(), Interrupted> {
     let result = brake_on(bench, joint, most.abs());
-    let off = bench.switch_off();
-    result.and(off)
+    bench.switch_off().and(result)
 }
 
 fn brake_on(bench: &mut Bench, joint: usize, most: f64) -> Result<(), Interrupted> {
@@ -145,8 +144,8 @@ pub fn excite(
     each: &mut dyn FnMut(&Exchange),
 ) -> Result<Ended, Interrupted> {
     let result = Excite::new(bench).run(bench, how, each);
-    let off = bench.switch_off();
-    result.and_then(|ended| off.map(|()| ended))
+    bench.switch_off()?;
+    result
 }
 
 /// A running excitation.

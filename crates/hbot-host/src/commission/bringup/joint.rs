@@ -184,8 +184,8 @@ impl Push {
 
 fn push_and_stop(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outcome, Interrupted> {
     let result = push(bench, joint, way, speed);
-    let off = bench.switch_off();
-    result.and_then(|outcome| off.map(|()| outcome))
+    bench.switch_off()?;
+    result
 }
 
 fn push(bench: &mut Bench, joint: usize, way: &Push, speed: f64) -> Result<Outcome, Interrupted> {

@@ -73,7 +73,9 @@ pub struct Bench {
     /// reading.
     orientation: Quat,
     counts: Option<[i32; MAX_JOINTS]>,
-    /// Since when a motor is on or off against the command, s.
+    /// Whether the motors were last asked to be on, and since when after that one is on or off
+    /// against the command, s.
+    on: bool,
     disobeyed_s: Option<f64>,
     /// If this flag is set, no further command with torque is sent.
     stop: StopFlag,
@@ -148,6 +150,7 @@ impl Bench {
             sent_s: 0.0,
             orientation: Quat::IDENTITY,
             counts: None,
+            on: false,
             disobeyed_s: None,
             stop: StopFlag::default(),
             rate_lag: 0.0,
@@ -204,9 +207,12 @@ impl Bench {
         Ok(())
     }
 
-    /// Sends `drive` in every period until each line has answered, at most [`PATIENCE`] times.
+    /// Sends `asked` in every period until each line has answered, at most [`PATIENCE`] times.
     /// Gives up if `stop` returns true.
-    fn converse(&mut self, drive: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
+    fn converse(&mut self, asked: &Drive, stop: impl Fn() -> bool) -> Result<JointReadings, Interrupted> {
+        if std::mem::replace(&mut self.on, asked.enable) != asked.enable {
+            self.disobeyed_s = None;
+        }
         let mut complaints = Complaints::default();
         for tries in 0..PATIENCE {
             if stop() {
@@ -215,9 +221,11 @@ impl Bench {
             // That of the command that is answered: readings before it are lost.
             self.sent_s = self.time_s();
             let now_ns = self.now_ns();
-            // Nothing pushes on while a line is silent for long, or another one complains.
-            let waits = tries < self.rig.timing.timeout_ticks && complaints == Complaints::default();
-            let drive = if waits { drive } else { &OFF };
+            // Nothing pushes on while a line is silent for long, or another one complains. A motor
+            // that is off has its time to come.
+            let others = Complaints { disobeyed: false, ..complaints };
+            let waits = tries < self.rig.timing.timeout_ticks && others == Complaints::default();
+            let drive = if waits { asked } else { &OFF };
             // The result is ignored: if a command is not accepted, its reading does not arrive,
             // which is noticed.
             let _ = self.motors.command(now_ns, self.tick, drive);
@@ -235,7 +243,7 @@ impl Bench {
                 let since = complaints.disobeyed.then(|| self.disobeyed_s.unwrap_or(self.sent_s));
                 self.disobeyed_s = since;
                 complaints.disobeyed = since.is_some_and(|since| self.sent_s - since > DISOBEDIENCE_S);
-                if complaints.disobeyed && !drive.enable {
+                if complaints.disobeyed && !asked.enable {
                     return Err(Interrupted::StaysOn);
                 }
                 return Ok(JointReadings { complaints, ..feedback });

@@ -189,7 +189,8 @@ impl Servo {
     /// any turns can be subtracted.
     pub(super) fn set_back(&mut self) -> Option<i64> {
         let (position, back) = (i64::from(self.position), self.back? * STEPS);
-        self.rezeroing = Some(position - (position + back / 2).div_euclid(back) * back);
+        let turns = (position + back / 2).div_euclid(back);
+        self.rezeroing = (turns != 0).then_some(position - turns * back);
         self.rezeroing
     }
 

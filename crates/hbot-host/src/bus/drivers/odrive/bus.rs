@@ -193,6 +193,7 @@ impl MotorBus for OdriveBus {
     fn release(&mut self) {
         // An axis that proves its watchdog after a restart is not told to be idle before.
         self.outbox.clear();
+        self.outbox.push(b'\r');
         for axis in &self.axes {
             Command::AxisState(state::IDLE).write(axis.id, &mut self.outbox);
         }

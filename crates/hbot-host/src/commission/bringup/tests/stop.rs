@@ -123,10 +123,16 @@ fn a_motor_that_is_on_or_off_against_the_command_for_20_ms_is_told() {
     };
     says(true);
     assert!(matches!(pushes(&mut bench), Some(20 | 21)));
+    // A motor that did not come is off. Its next answer can still be to the command before.
+    assert!(bench.exchange(None).is_ok());
     says(false);
     assert_eq!((pushes(&mut bench), bench.switch_off()), (None, Ok(())));
     says(true);
     assert_eq!(bench.switch_off(), Err(Interrupted::StaysOn));
+    // It is told after a signal too.
+    bench.stop.stop();
+    assert_eq!(ramp(&mut bench, 1, 0.001, 50.0), Err(Interrupted::StaysOn));
+    bench.stop = StopFlag::default();
     says(false);
     assert!(bench.exchange(None).is_ok());
     says(true);
