@@ -275,11 +275,10 @@ def report(end: End, seconds: float) -> str:
 
 def run(options: argparse.Namespace, ends: list[End]) -> None:
     """Couple two servers until Ctrl-C. Adds both rigs to `ends`."""
-    with (
-        connected(options.servers[0], options.token_file) as a,
-        connected(options.servers[1], options.token_file) as b,
-    ):
-        ends += (a, b)
+    with contextlib.ExitStack() as stack:
+        for server in options.servers:
+            ends.append(stack.enter_context(connected(server, options.token_file)))
+        a, b = ends
         for end in ends:
             print(describe(end), flush=True)
             end.start(options.stiffness, options.damping)
@@ -338,7 +337,7 @@ def main() -> None:
             with hbot.one_line_errors(CouplingError):
                 run(options, ends)
         except KeyboardInterrupt:
-            if ends and all(end.off for end in ends):
+            if all(end.off for end in ends):
                 print("\nStopped. The torque of both rigs is off.")
                 return
     print("The torque of each rig that still answers is off.", file=sys.stderr)

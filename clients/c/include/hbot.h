@@ -510,8 +510,9 @@ enum hbot_status hbot_next_state(struct hbot_client *client,
                                  uint32_t timeout_ms,
                                  struct hbot_state *state);
 
-// Reads the newest state that has arrived, and drops older ones. Waits for at most `timeout_ms` if
-// none has arrived, and returns HBOT_STATUS_NOTHING if none comes. For programs that draw.
+// Reads the newest state that has arrived, and drops older ones; looks for newer ones for at most
+// 20 ms. Waits for at most `timeout_ms` if none has arrived, and returns HBOT_STATUS_NOTHING if
+// none comes. For programs that draw.
 enum hbot_status hbot_latest_state(struct hbot_client *client,
                                    uint32_t timeout_ms,
                                    struct hbot_state *state);

@@ -253,8 +253,9 @@ pub unsafe extern "C" fn hbot_next_state(
     }
 }
 
-/// Reads the newest state that has arrived, and drops older ones. Waits for at most `timeout_ms` if
-/// none has arrived, and returns HBOT_STATUS_NOTHING if none comes. For programs that draw.
+/// Reads the newest state that has arrived, and drops older ones; looks for newer ones for at most
+/// 20 ms. Waits for at most `timeout_ms` if none has arrived, and returns HBOT_STATUS_NOTHING if
+/// none comes. For programs that draw.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hbot_latest_state(
     client: *mut HbotClient,

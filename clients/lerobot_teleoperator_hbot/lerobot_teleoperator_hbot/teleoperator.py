@@ -105,7 +105,9 @@ class Hbot(Teleoperator):  # type: ignore[misc]
                 self._state, self._came_at = state, time.monotonic()
                 self._came.set()
         except hbot.HbotError as error:
+            # Nobody is told to disconnect: the lease and the enabled rig end with the connection.
             self._error = error
+            rig.close()
             self._came.set()
 
     def _newest(self) -> hbot.State:

@@ -89,11 +89,17 @@ impl Client {
     /// unusable.
     pub fn call(&mut self, op: Op) -> Result<Value, ClientError> {
         let what = op.name().as_str();
+        let deadline = Instant::now() + self.timeout;
+        let id = self.send_with_id(op)?;
+        self.answer(&id, what, deadline)
+    }
+
+    /// Sends a request with an id of its own, so that its answer is not taken for another one's.
+    pub(crate) fn send_with_id(&mut self, op: Op) -> Result<Id, ClientError> {
         self.last_id += 1;
         let id = Id::Integer(self.last_id);
-        let deadline = Instant::now() + self.timeout;
         self.write(&Request { id: Some(id.clone()), op })?;
-        self.answer(&id, what, deadline)
+        Ok(id)
     }
 
     /// Like [`call`](Self::call), for an answer of type `T`.

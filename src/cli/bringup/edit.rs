@@ -33,7 +33,7 @@ pub(super) fn refuse_another(file: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes a changed rig file. Fails if it is not legal, or cannot be written. The old file stays
-/// then.
+/// then, unless it had to be written in place.
 pub(super) fn save(document: &DocumentMut, file: &Path) -> anyhow::Result<()> {
     let text = document.to_string();
     RigConfig::from_toml(&text, &file.display().to_string())

@@ -57,7 +57,7 @@ class Mailbox(Generic[T]):
         None: none came.
         """
         try:
-            item = self._items.get(timeout=timeout)
+            item = self._items.get(timeout=None if timeout is None else max(timeout, 0.0))
         except queue.Empty:
             return None
         if isinstance(item, Exception):

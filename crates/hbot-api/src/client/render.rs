@@ -110,8 +110,11 @@ impl Client {
         let report = match self.render_states(options, &mut torque) {
             Ok(report) => report,
             Err(error) => {
-                // No answer is awaited: the server may be silent. The first error is the cause.
-                let _ = self.torque(zero).and_then(|()| self.send(Op::Unsubscribe));
+                // No answer is awaited: the server may be silent. The first error is the cause. A
+                // torque without the lease would be refused later, in the next loop.
+                let held = error.code() != Some(ErrorCode::NotHolder);
+                let ended = if held { self.torque(zero) } else { Ok(()) };
+                let _ = ended.and_then(|()| self.send_with_id(Op::Unsubscribe));
                 return Err(error);
             }
         };
