@@ -94,7 +94,7 @@ impl Client {
         self.answer(&id, what, deadline)
     }
 
-    /// Sends a request with an id of its own, so that its answer is not taken for another one's.
+    /// Sends a request with a new id, and returns the id. The answer belongs to no other request.
     pub(crate) fn send_with_id(&mut self, op: Op) -> Result<Id, ClientError> {
         self.last_id += 1;
         let id = Id::Integer(self.last_id);

@@ -13,10 +13,10 @@
 use hbot_core::{MAX_JOINTS, Rig, Vec3};
 
 use crate::identify::twist;
+use crate::interval::ninety_five;
 use crate::matrix::Square;
 use crate::model::{Model, Residual};
 use crate::motion::Motion;
-use crate::motors::ninety_five;
 use crate::parameter::{OF_SPHERE, OF_WHEEL, Quantity, all};
 
 /// Largest number of improvements.

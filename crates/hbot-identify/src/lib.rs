@@ -23,6 +23,7 @@ pub mod calibrate;
 pub mod compare;
 pub mod fit;
 pub mod identify;
+mod interval;
 mod matrix;
 pub mod model;
 pub mod motion;

@@ -238,8 +238,8 @@ pub(crate) struct Limits {
     #[schemars(range(max = legal::SLIP.most), extend("exclusiveMinimum" = legal::SLIP.least, "unit" = legal::SLIP.unit))]
     pub(crate) slip: f64,
     /// Thermal time constant of the motors. The fault thermal occurs if the mean square of a joint
-    /// torque over this time exceeds the square of its `continuous` torque. Absent: hbot
-    /// does not check this; the controllers must.
+    /// torque over this time exceeds the square of its `continuous` torque. Absent: hbot does not
+    /// check this; the controllers must.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "f64", range(max = legal::THERMAL_TIME.most), extend("exclusiveMinimum" = legal::THERMAL_TIME.least, "unit" = legal::THERMAL_TIME.unit))]
     pub(crate) thermal_time: Option<f64>,

@@ -35,8 +35,8 @@ struct Attached {
     /// True if a call of the bus has panicked. The bus is then not called again, so that its helper
     /// process, if it has one, switches the motors off.
     broken: bool,
-    /// Whether this bus last said that a motor is on or off against the command. It says so for the
-    /// ticks in which only other buses say something.
+    /// Whether this bus last said that a motor is on or off against the command. This also counts
+    /// in ticks in which only other buses answer.
     disobeyed: bool,
     /// Whether the line has taken a command of [`Motors::switch_off`] whole.
     off: bool,
@@ -122,7 +122,6 @@ impl Motors {
     pub fn receive(&mut self, now_ns: u64, tick: u32) -> News {
         let mut news = News::default();
         let mut complaints = Complaints::default();
-        let mut silent_disobedience = false;
         for attached in &mut self.buses {
             let heard = attached.bus.receive(now_ns, tick);
             news.damaged = news.damaged.saturating_add(heard.damaged);
@@ -130,14 +129,14 @@ impl Motors {
             news.zeros_lost |= heard.zeros_lost;
             news.reopened += u64::from(heard.reopened);
             complaints = complaints.or(attached.complaints(&heard));
-            silent_disobedience |= attached.disobeyed;
             if let Some(reading) = heard.reading {
                 news.buses_with_reading += 1;
                 attached.answers = Some(reading.answers);
                 news.zeros_lost |= attached.place(&reading, &self.offsets, &mut self.readings);
             }
         }
-        complaints.disobeyed |= news.buses_with_reading > 0 && silent_disobedience;
+        complaints.disobeyed |=
+            news.buses_with_reading > 0 && self.buses.iter().any(|attached| attached.disobeyed);
         // The oldest answer defines the age of the combined reading. The core treats a reading as
         // new only if all of its joints are new. Once every bus has answered, complaints take
         // effect without a new one.

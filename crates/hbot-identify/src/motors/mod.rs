@@ -23,15 +23,11 @@ use hbot_core::{MAX_JOINTS, Quat, Rig, Vec3};
 use self::rows::{Grain, Rows, Term};
 pub use self::scale::SphereInertia;
 use self::solve::Solved;
-pub(crate) use self::solve::ninety_five;
 use crate::fit::share_as_drawn;
 use crate::motion::{Counts, Motion};
 
 /// Least time of usable motion, s.
 const LEAST_S: f64 = 10.0;
-/// Half the width of an interval that holds the truth in 95 % of the cases, in standard deviations,
-/// for many degrees of freedom.
-const NINETY_FIVE: f64 = 1.96;
 /// A value counts as seen if the motion leaves at most this fraction of what was expected before.
 const SEEN: f64 = 0.3;
 

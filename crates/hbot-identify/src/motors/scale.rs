@@ -48,7 +48,7 @@ impl Measured {
         // that contradict each other make it less certain.
         let own = sum(&|_, interval| interval.powi(2)) / weights;
         let scatter = sum(&|ratio, _| (ratio / mean - 1.0).powi(2)) / weights;
-        let interval = (own + super::NINETY_FIVE.powi(2) * scatter).sqrt() * mean / (mean - 1.0);
+        let interval = (own + crate::interval::NINETY_FIVE.powi(2) * scatter).sqrt() * mean / (mean - 1.0);
         if !(mean > 1.0 && interval < WIDEST) {
             return Err(MotorRefusal::Added { weaker: 1.0 - 1.0 / mean });
         }

@@ -3,6 +3,7 @@
 
 use super::rows::Rows;
 use crate::fit::median;
+use crate::interval::ninety_five;
 use crate::matrix::Square;
 
 /// Distance, in standard deviations, from which on a window gets no weight (Tukey's biweight).
@@ -97,6 +98,11 @@ impl Solved {
             covariance.add_outer(&change, (blocks - 1.0) / blocks);
             fourth.iter_mut().zip(&change).for_each(|(sum, change)| *sum += change.powi(4));
         }
+        // Satterthwaite's number of degrees of freedom: the square of a variance divided by the sum
+        // of the fourth powers of what each block changes. It is small if few blocks make up most
+        // of the variance, as those in which a joint turns back do for its friction. The fourth
+        // powers are those of single changes, so of many equal blocks with normal errors about a
+        // third counts, and intervals are a little too wide.
         solved.quantile = (0..count).map(|k| ninety_five(covariance.at(k, k).powi(2) / fourth[k])).collect();
         solved.covariance = (0..count)
             .map(|a| (0..count).map(|b| usual[a] * usual[b] * covariance.at(a, b)).collect())
@@ -123,23 +129,6 @@ impl Solved {
     }
 }
 
-/// Returns Student's quantile for the two ends of 95 % (expansion of Cornish and Fisher, Abramowitz
-/// and Stegun 26.7.5, two terms).
-///
-/// For motors, `freedom` is Satterthwaite's number of degrees of freedom: the square of a variance
-/// divided by the sum of the fourth powers of what each block changes. It is small if few blocks
-/// make up most of the variance, as those in which a joint turns back do for its friction. The
-/// fourth powers are those of single changes, so of many equal blocks with normal errors about a
-/// third counts, and intervals are a little too wide. Below 2 degrees the expansion does not hold;
-/// less counts as 2.
-pub(crate) fn ninety_five(freedom: f64) -> f64 {
-    const Z: f64 = super::NINETY_FIVE;
-    let freedom = freedom.max(2.0);
-    let first = (Z * Z + 1.0) / (4.0 * freedom);
-    let next = (5.0 * Z.powi(4) + 16.0 * Z * Z + 3.0) / (96.0 * freedom * freedom);
-    Z * (1.0 + first + next)
-}
-
 /// Returns what the unknowns `found` leave of the equation.
 fn residual(rows: &Rows<'_>, found: &[f64]) -> Vec<f64> {
     let mut left = rows.wanted.clone();
@@ -156,21 +145,4 @@ fn scale(residual: &[f64]) -> f64 {
     }
     let median = median(residual.iter().map(|x| x.abs()).collect());
     (median / 0.6745).max(1.0e-9)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn few_degrees_of_freedom_widen_an_interval_as_students_quantile_does() {
-        // Quantiles of a table of Student's distribution.
-        for (freedom, quantile, error) in
-            [(3.0, 3.182, 0.05), (4.0, 2.776, 0.02), (10.0, 2.228, 0.003), (120.0, 1.980, 0.001)]
-        {
-            assert!((ninety_five(freedom) / quantile - 1.0).abs() < error, "{freedom}");
-        }
-        assert!((ninety_five(f64::INFINITY) - 1.96).abs() < 1e-9);
-        assert!(ninety_five(0.0) < 4.0);
-    }
 }

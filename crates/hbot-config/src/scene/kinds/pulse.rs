@@ -30,8 +30,8 @@ pub(super) struct Pulse {
     /// Time from one click to the next. 0: there are no periodic clicks.
     #[schemars(range(min = 0.0, max = 3600.0), extend("unit" = "s"))]
     period_s: f64,
-    /// Number of evenly spaced notches in one turn of the dial. A click occurs halfway
-    /// between two notches. 0: no notches.
+    /// Number of evenly spaced notches in one turn of the dial. A click occurs halfway between two
+    /// notches. 0: no notches.
     #[schemars(range(min = 0, max = 720))]
     count: u16,
     /// Orientation at which the dial is at zero, as a quaternion [w, x, y, z]. Any length except

@@ -62,7 +62,7 @@ pub enum Ended {
     TooFast,
     /// The wheels slip: their rates contradict each other by this speed, m/s.
     Slips(f64),
-    /// The zero of a steer joint is not known: it is to be calibrated, or its encoder has not
+    /// The zero of a steer joint is not known: nobody has calibrated it, or its encoder has not
     /// passed its index mark.
     NoZero(usize),
     /// A motor controller reported these complaints.

@@ -185,8 +185,8 @@ impl Servo {
         self.home = home;
     }
 
-    /// Returns the position near which the servo is to be by subtracting whole turns, in steps, if
-    /// any turns can be subtracted.
+    /// Returns the position that the servo must take by subtracting whole turns, in steps. `None`
+    /// if there are none to subtract.
     pub(super) fn set_back(&mut self) -> Option<i64> {
         let (position, back) = (i64::from(self.position), self.back? * STEPS);
         let turns = (position + back / 2).div_euclid(back);

@@ -249,7 +249,7 @@ impl Axis {
             // Bring-up has marked it.
             self.distrust();
         } else if self.answers.is_none() && (position - self.mark).abs() > FAR_TURNS {
-            // Whole turns of the joint, so that the count does not wrap at an angle of its own.
+            // Without these whole turns of the joint the count would wrap.
             self.base = -((position - self.mark) / self.gear).round() * self.gear;
         }
         if self.trust == Trust::Marking && !may_be_booted(position) {
